@@ -99,13 +99,13 @@ class Experiment:
         return replace(self, time=self.time[first:last], measured=measured)
 
     def delayed(self, by_s: float) -> Experiment:
-        """With an input that acts so much later [s] than it was recorded."""
+        """The experiment with an input that acts ``by_s`` [s] later than it was recorded."""
         if not isinstance(self.drive, Sampled) or not by_s:
             return self
         return replace(self, drive=Sampled(self.drive.time + by_s, self.drive.values))
 
-    def turned(self) -> Experiment:
-        """With an input of the opposite sign."""
+    def with_reversed_input(self) -> Experiment:
+        """The experiment with an input of the opposite sign."""
         if not isinstance(self.drive, Sampled):
             return self
         return replace(self, drive=Sampled(self.drive.time, -self.drive.values))

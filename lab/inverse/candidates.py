@@ -1,4 +1,8 @@
-"""Candidate effects of smooth motions, each fitted from the initial values that explain most of the residual."""
+"""The candidate effects of predictable motions, and their fits.
+
+The likelihood asks for a fit of the model with each candidate.  A fit begins at those initial guesses of the effect
+that, to first order, explain most of the residual of the present fit.  No selection here.
+"""
 
 from __future__ import annotations
 
@@ -41,13 +45,13 @@ __all__ = [
 ]
 
 ANGLES = 6
-"""Angles of zero that are tried in a period of an effect: one of them is at most 30 degrees of phase away."""
+"""Zero angles of an encoder that are tried in a period of an effect: one of them is at most 30 degrees of phase off."""
 STARTS = 3
-"""Initial values of an effect from which it is fitted."""
+"""Number of initial guesses of an effect from which it is fitted."""
 ROUNDING = 1e-6
-"""Share of the residual: an effect that changes the motion by less acts on a sensor that was not recorded."""
+"""An effect that changes the residual by less than this share of it acts on a sensor that was not recorded."""
 PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
-"""Shares that are tried of the linearly extrapolated amplitude."""
+"""Shares of the linearly extrapolated amplitude that are tried in turn."""
 SHORT, LONG = 7, 150
 """Steps of the first fit of an effect to a simulated motion, and of the one that finishes it.  A servo behind a lag has
 three poles, which are equal on the way from three real ones to a pair that swings: with 60 steps a fit ended there, at
@@ -55,21 +59,22 @@ three poles, which are equal on the way from three real ones to a pair that swin
 
 
 def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
-    """Initial models for a fit to a simulated motion: the file's, and the fit to the acceleration."""
+    """The initial models for a fit to a simulated motion: the model as it is, and with the values of its fit to the
+    acceleration."""
     model = simulable(model, signals)
     found = by_acceleration(model, signals)
     return [model, _with_values(model, found.model)] if found else [model]
 
 
 def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | None:
-    """The model fitted to the acceleration instead of the motion; None where the acceleration is no function of the
-    state."""
+    """The fit of the model that minimises the equation error; None where the acceleration does not follow from the
+    measured motion."""
     error = EquationError.driven(signals)
     return _tried(softened(model, error.signals), error, error.nuisance, MOST_STEPS) if _follow_motion(model) else None
 
 
 def sizes_of(model: Model, data: Problem) -> MotionScales:
-    """Usual magnitudes in the motion."""
+    """The magnitudes of the motion from which initial guesses of effects follow."""
     signals = data.signals
     position, speed, acceleration = (
         [getattr(one, what) for one in signals] for what in ("position", "velocity", "acceleration")
@@ -97,9 +102,12 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
 
 
 def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[tuple[str, Model]]:
-    """Yields the candidate effects, each with the model that includes it: static ones where nothing is simulated, and
-    those of an angle only where the position is an angle.  Of nested laws the simple one is a candidate first; once it
-    was added, the general one may replace it."""
+    """Yields the candidate effects, each with the model that includes it; added: the effects that the search has added.
+
+    Where nothing is simulated, only effects that follow from the measured motion are candidates; on a linear axis, only
+    those without an angle.  Of two nested laws the simpler one is a candidate first; once it was added, the general one
+    is a candidate in its place.
+    """
     is_simulated = isinstance(data, OutputError)
     is_moved = any(is_driven(one.experiment) for one in data.signals)
     is_linear = any(one.experiment.is_linear for one in data.signals)
@@ -125,8 +133,12 @@ def turns_of(signals: Sequence[Signals]) -> float:
 
 
 def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
-    """The best fit of a model with one more effect, from several initial values; None where nothing can be fitted or
-    the estimates contradict the effect's definition.  begun: the fit to the acceleration, for a simulated motion."""
+    """The best fit of a model with one more effect, from several initial values.
+
+    name: the effect; wide: the model with it; now: the fit of the present model; begun: the fit of ``wide`` to the
+    acceleration, if there is one.  None where no fit is possible or the estimates contradict the definition of the
+    effect.
+    """
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(wide, now.data.signals), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
@@ -135,8 +147,8 @@ def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | Non
 
 
 def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -> Regression | None:
-    """The fit of a model with one more effect to the acceleration; None where the acceleration is no function of the
-    state.  inverse: the fit of the present model."""
+    """The fit of a model with one more effect to the acceleration; None where the acceleration does not follow from the
+    measured motion.  inverse: the fit of the present model to the acceleration, if there is one."""
     if not inverse or not _follow_motion(wide):
         return None
     begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
@@ -144,7 +156,8 @@ def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
-    """The best fit from the initial values that explain most of the residual; None where the time is up."""
+    """The best of at most ``most`` fits, of at most ``steps`` steps each, from the initial guesses that explain most of
+    the residual; None where there is none, or the time is up."""
     size = sizes_of(now.model, now.data)
     wide = _within_speeds(wide, name, size, _blurred_speed(now.data))
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
@@ -157,7 +170,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, ste
 
 
 def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
-    """The fit that begins with the estimates from the acceleration, of the whole model with the effect."""
+    """The fit of a simulated motion that begins at the estimates of a fit to the acceleration."""
     if not begun or is_over():
         return None
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
@@ -167,6 +180,7 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Re
 
 
 def _follow_motion(model: Model) -> bool:
+    """Whether all effects of a model follow from the measured motion."""
     return all(follows_motion(get_effect(name)) for name in model.effects)
 
 
@@ -177,9 +191,9 @@ def _with_values(model: Model, other: Model) -> Model:
 
 
 def _within_speeds(model: Model, name: str, size: MotionScales, blurred: float) -> Model:
-    """The model with an effect's characteristic speeds bounded to those of the motion: slower ones are rest, or
-    blurred.  Without this bound a Stribeck friction of 35 N m was fitted near rest, to a wrist with a hundredth of that
-    torque."""
+    """The model with the characteristic speeds of an effect bounded to those of the motion; lower speeds count as rest,
+    or are ``blurred`` [rad/s] by the filter.  Without this bound a Stribeck friction of 35 N m was fitted near rest to
+    a wrist with a hundredth of that torque."""
     high = policy.NEAR_REST * size.speed
     low = min(max(policy.UNSURE_SPEED * size.speed, blurred), high / 2)
     speeds = {
@@ -191,8 +205,8 @@ def _within_speeds(model: Model, name: str, size: MotionScales, blurred: float) 
 
 
 def _blurred_speed(data: Problem) -> float:
-    """The speed that the part gains, at its usual acceleration, while the filter of an inverse model responds
-    (1 / 2 pi f, f being the end of the band) [rad/s]; 0 where nothing is filtered.
+    """The speed [rad/s] that the part gains at its usual acceleration within the response time 1/(2 pi f) of the filter
+    of an inverse model, f being the end of the band; 0 where nothing is filtered.
 
     The filter rounds a reversal over this time, and where the part sticks its true speed is zero for a while.  Four of
     five simulated arms with Coulomb friction and a weight were said to have Stribeck friction at 2 to 5 % of their
@@ -204,8 +218,9 @@ def _blurred_speed(data: Problem) -> float:
 
 
 def _evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model, FloatArray] | None:
-    """The share of the residual that an effect explains with this shape and the best amplitude, the model with that
-    amplitude, and the initial nuisance parameters."""
+    """The decrease of the squared residual by an effect of this shape with the best amplitude, to first order; the
+    model with that amplitude; and the initial nuisance parameters.  None where the motion does not cover the effect or
+    it does not change the residual."""
     if not _covers(name, start, now.data):
         return None
     beside = _zeros(name, start, now, data)
@@ -227,9 +242,12 @@ def _evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
-    """The initial nuisance parameters: those of the present fit; initial values of free states that reduce the residual
-    most; zero angles (R,) that the present fit does not depend on, with which the effect fits the residual of each
-    recording best."""
+    """The initial nuisance parameters of a fit with one more effect (E,).
+
+    They are those of the present fit, completed by the initial values of free states that reduce the residual most.
+    Zero angles on which the present fit does not depend are those with which the effect explains most of the residual
+    of each recording.
+    """
     if isinstance(data, OutputError):
         return data.begun(start, now.nuisance)
     if not isinstance(data, InverseModel) or not now.nuisance.size or now.jacobian[:, now.count :].any():
@@ -241,7 +259,8 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
 
 
 def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
-    """The share of each recording's residual that a column explains beyond the fitted parameters."""
+    """The decrease of the norm of each recording's residual by this change of it (M,), projected off the fitted
+    parameters; negative where the change has the wrong sign."""
     parts = zip(
         by_recording(projected_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True
     )
@@ -249,8 +268,8 @@ def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
 
 
 def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, beside: FloatArray) -> Model:
-    """The start with linearly extrapolated amplitudes, or shares of them: the largest with which the error is below
-    that without the effect, so that the fit can descend."""
+    """The model with the largest share of the linearly extrapolated amplitudes with which the error is smaller than
+    without the effect, so that the fit can descend; sizes: the amplitudes by name."""
     for part in PARTS:
         sized = start.replace({name: _within(start, name, part * value) for name, value in sizes.items()})
         residual = data.residual(sized, beside)
@@ -260,10 +279,13 @@ def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem
 
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
-    """Whether the motion covers some periods of an effect that repeats N times a turn, at speeds at which its frequency
-    is within the band.  Faster ones show only at the start and the end of a motion, where they can imitate any function
-    (for a motor at constant voltage one of 18 a turn took the whole error).  N = 1 has the shape of a weight, and is
-    reported as confusable with it."""
+    """Whether the motion covers ``policy.LEAST_PERIODS`` of an effect that repeats N times a turn, at speeds at which
+    its frequency is within the band; true for other effects and for N = 1.
+
+    At higher speeds the effect shows only at the start and the end of a motion, where it can imitate any function: for
+    a motor at constant voltage one of 18 periods a turn took the whole error.  N = 1 has the shape of a weight, and is
+    reported as confusable with it.
+    """
     turns = model.parameters.get(f"{name}.N")
     if turns is None or turns.value == 1:
         return True
@@ -272,8 +294,8 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
 
 
 def _travel(signals: Signals, fastest: float) -> float:
-    """The range of a motion [rad] at speeds up to this [rad/s], or that of a sine with its standard deviation (a motion
-    that dies away), or the distance travelled, whichever is least."""
+    """The range of a motion [rad] at speeds up to ``fastest`` [rad/s]: the least of the range of its angle, the range
+    of a sine with the same standard deviation (for a motion that dies away), and the distance travelled."""
     slow = np.abs(signals.velocity) < fastest
     if not slow.any():
         return 0.0
@@ -283,11 +305,12 @@ def _travel(signals: Signals, fastest: float) -> float:
 
 
 def refined(fit: Regression) -> Regression:
-    """Continues a fit that was ended after a few steps."""
+    """Continues a fit that was ended after a few steps, by at most ``LONG`` steps."""
     return _tried(fit.model, fit.data, fit.nuisance, LONG) or fit
 
 
 def _tried(model: Model, data: Problem, nuisance: FloatArray, steps: int) -> Regression | None:
+    """The fit; None where the model cannot be simulated or the fit fails."""
     try:
         found = regressed(model, data, nuisance, steps)
     except (ModelError, ValueError, np.linalg.LinAlgError):

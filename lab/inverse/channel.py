@@ -1,8 +1,8 @@
-"""What the recordings of a torque and an angle have in common: the band in which they are compared, and the delay
-between the two.
+"""The relation between a recorded torque and a recorded angle: the band in which they are compared, the delay between
+the two, and whether their signs agree.
 
-Both are chosen with what a joint usually has, tau = J theta'' + b theta' + c sign(theta') + d sin + e cos + f, before
-any effect is looked for.
+All are estimated before the search, with a joint that has the usual torques,
+tau = J theta'' + b theta' + c sign(theta') + d sin(theta) + e cos(theta) + f.
 """
 
 from __future__ import annotations
@@ -30,29 +30,31 @@ SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 BLOCKS = 20
 """Number of parts of the recordings that count as independent."""
 LONGEST, DELAYS = 0.25, 41
-"""Periods of the end of the band, the longest delay that is tried: beyond it a torque leads instead of following; and
-the number of delays that are tried."""
+"""Longest delay that is tried, in periods of the end of the band, as a torque beyond a quarter of a period leads
+instead of following; and the number of delays that are tried."""
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Channel:
-    """band_hz: the highest end of the band; delay_s: how much later than recorded the torque acts; is_turned: whether
-    it was counted against the angle."""
+    """band_hz: the highest end of the band; delay_s: how much later than recorded the torque acts; is_reversed: whether
+    torque and angle have opposite positive directions."""
 
     band_hz: float = math.inf
     delay_s: float = 0.0
-    is_turned: bool = False
+    is_reversed: bool = False
 
     @classmethod
     def of(cls, experiments: Sequence[Experiment]) -> Channel:
-        """Of recordings with a measured torque; a delay is reported in a warning.
+        """The channel of recordings with a measured torque.  A delay and a reversed sign are reported in warnings.
+        Raises ExperimentError for a torque that any friction or constant explains.
 
-        The band is the highest that identifies the inertia of a driven joint nearly as well as the best one, each with
-        its own delay.  Motion that the torque does not cause (a vibrating arm, a belt) has far larger accelerations
-        than slow motion.  Least squares is efficient only for a white residual; generalised least squares is
-        approximated by weights of 0 and 1 over frequency.  One end in hertz serves all recordings, as such a vibration
-        has a fixed frequency: a share of each band left 7 of 94 samples of a slow pendulum beside a rattling one.
+        The band is the widest one that identifies the inertia nearly as well as the best one does, each with its own
+        delay.  Motion that the torque does not cause (of a vibrating arm or a belt) has far larger accelerations than
+        slow motion.  Least squares is efficient only for a white residual; here generalised least squares is
+        approximated by weights of 0 and 1 over frequency.  All recordings have the same end of the band in hertz, as
+        such a vibration has a fixed frequency: with a share of each own band 7 of 94 samples were left of a slow
+        pendulum beside a vibrating one.
         """
         _check_torque(experiments)
         whole = [Signals.of(one) for one in experiments]
@@ -60,17 +62,23 @@ class Channel:
         widest = max(one.band_hz for one in whole)
         found = []
         for share in SHARES:
-            usual = _Usual.of([Signals.of(one, True, share * widest) for one in experiments])
-            is_turned = bool(usual and usual.fit().is_turned)
-            if usual and is_turned:
+            usual = _UsualJoint.of([Signals.of(one, True, share * widest) for one in experiments])
+            is_reversed = bool(usual and usual.fit().is_reversed)
+            if usual and is_reversed:
                 usual = replace(usual, sign=-1.0)
             delay_s, fit = _delayed(usual) if usual else (0.0, None)
-            found.append((cls(share * widest, delay_s, is_turned), fit))
-        clear = [(one, fit.unsure if fit else math.inf) for one, fit in found if not _is_blurred(fit, found)]
-        least = min(unsure for _, unsure in clear)
+            found.append((cls(share * widest, delay_s, is_reversed), fit))
+        clear = [
+            (one, fit.relative_deviation if fit else math.inf) for one, fit in found if not _is_blurred(fit, found)
+        ]
+        least = min(relative_deviation for _, relative_deviation in clear)
         is_identified = least < policy.INERTIA_IDENTIFIED
-        channel = next(one for one, unsure in clear if not is_identified or unsure <= policy.BAND_AS_WELL * least)
-        if channel.is_turned:
+        channel = next(
+            one
+            for one, relative_deviation in clear
+            if not is_identified or relative_deviation <= policy.BAND_AS_WELL * least
+        )
+        if channel.is_reversed:
             log.warning(
                 "%s: the torque is counted against the angle, as friction would drive; it is turned round",
                 experiments[0].name,
@@ -82,19 +90,19 @@ class Channel:
             )  # fmt: skip
         return channel
 
-    def noted(self, fit: Fit) -> Fit:
-        """A fit that says in which band and with which delay it was made."""
+    def annotated(self, fit: Fit) -> Fit:
+        """The fit with the band and the delay of this channel."""
         return replace(fit, band_hz=self.band_hz, delay_s=self.delay_s)
 
     def signals(self, experiment: Experiment, is_force: bool = True, is_disturbed: bool = False) -> Signals:
-        """Those of a recording; is_force, is_disturbed: see ``Signals.of``."""
-        turned = experiment.turned() if self.is_turned else experiment
-        return Signals.of(turned.delayed(self.delay_s), is_force, self.band_hz, is_disturbed)
+        """The signals of a recording in the band, without the delay; is_force, is_disturbed: see ``Signals.of``."""
+        experiment = experiment.with_reversed_input() if self.is_reversed else experiment
+        return Signals.of(experiment.delayed(self.delay_s), is_force, self.band_hz, is_disturbed)
 
 
 def _check_torque(experiments: Sequence[Experiment]) -> None:
-    """Rejects a torque that never changes: an unknown constant explains it, and no inertia is needed.  Warns of one
-    that is a magnitude: where its readings end, at zero, is the end of a range."""
+    """Raises ExperimentError for a torque that never changes, as an unknown constant explains it without an inertia.
+    Warns of a torque that is a magnitude: it is never on the other side of zero, where many of its readings are."""
     found = [one.drive.values for one in experiments if isinstance(one.drive, Sampled)]
     values = np.concatenate(found) if found else np.arange(2.0)
     if np.ptp(values) <= FLAT_SHARE * np.abs(values).max():
@@ -112,8 +120,8 @@ def _check_torque(experiments: Sequence[Experiment]) -> None:
 
 
 def _check_sizes(signals: Sequence[Signals]) -> None:
-    """Rejects a torque of one size that acts along the motion wherever that is compared: dry friction of this size
-    explains it to all digits, and no inertia is needed."""
+    """Raises ExperimentError for a torque of one magnitude that acts along the motion in all samples that are compared,
+    as dry friction of this magnitude explains it exactly, without an inertia."""
     torque = np.concatenate([np.asarray(one.experiment.drive.position(one.time[one.kept])) for one in signals
                              if isinstance(one.experiment.drive, Sampled)] or [np.arange(2.0)])  # fmt: skip
     velocity = np.concatenate([one.velocity[one.kept] for one in signals])
@@ -126,10 +134,13 @@ def _check_sizes(signals: Sequence[Signals]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
-    """Least squares of the usual joint: its inertia [kg m²] and the mean power that friction takes [W], their standard
-    deviations, robust to correlation of the residual within blocks (cluster-robust; Liang and Zeger 1986), and the
-    residual (M,) [N m]."""
+class _JointFit:
+    """A least-squares fit of the usual joint.
+
+    inertia [kg m²]; lost: mean power of viscous and Coulomb friction [W]; deviation, lost_deviation: their standard
+    deviations, robust to correlation of the residual within blocks (cluster-robust: Liang and Zeger 1986); residual:
+    (M,) [N m].
+    """
 
     inertia: float
     lost: float
@@ -138,15 +149,15 @@ class _Fit:
     residual: FloatArray
 
     @property
-    def is_turned(self) -> bool:
-        """Whether the torque is counted against the angle: friction drives, and of it and the inertia what is certain
-        is negative.  A damper on a test bench has no inertia that shows."""
+    def is_reversed(self) -> bool:
+        """Whether torque and angle have opposite positive directions: friction adds power, and whichever of friction
+        and inertia is identified is negative.  A damper on a test bench has no inertia that is identified."""
         both = ((self.inertia, self.deviation), (self.lost, self.lost_deviation))
         certain = [value for value, deviation in both if deviation < policy.INERTIA_IDENTIFIED * abs(value)]
         return self.lost < 0 and bool(certain) and max(certain) < 0
 
     @property
-    def unsure(self) -> float:
+    def relative_deviation(self) -> float:
         """The relative standard deviation of the inertia."""
         return self.deviation / max(abs(self.inertia), 1e-300)
 
@@ -156,18 +167,19 @@ class _Fit:
         return float(self.residual @ self.residual)
 
 
-def _is_blurred(fit: _Fit | None, found: Sequence[tuple[Channel, _Fit | None]]) -> bool:
-    """Whether a band has surely less than half of the inertia of another one: its acceleration is more noise than
-    motion then, for which least squares takes an inertia for smaller (errors in variables).  The angle's own noise does
-    not tell it where the angle is the integral of a noisy speed: a motor's inertia was 1e-5 instead of 7e-4."""
+def _is_blurred(fit: _JointFit | None, found: Sequence[tuple[Channel, _JointFit | None]]) -> bool:
+    """Whether the inertia of a fit is significantly less than half of that in another band.  The acceleration in its
+    band is then more noise than motion, so that least squares underestimates the inertia (errors in variables).  The
+    noise of the angle does not show this where the angle is the integral of a noisy speed: the inertia of a motor was
+    1e-5 instead of 7e-4 kg m²."""
     surely = max((one.inertia - policy.BAND_AS_WELL * one.deviation for _, one in found if one), default=0.0)
     return fit is not None and surely > 0 and fit.inertia < surely / 2
 
 
 @dataclass(frozen=True, eq=False)
-class _Usual:
-    """The usual joint in these recordings: filtered regressors (M, 6) of size one, their sizes (6,), and the inverse of
-    their normal equations (6, 6)."""
+class _UsualJoint:
+    """The regression of the usual joint: filtered regressors (M, 6), scaled to unit norm; size: their norms (6,);
+    inverse: of the normal matrix (6, 6); sign: that of the torque."""
 
     signals: Sequence[Signals]
     regressors: FloatArray
@@ -176,8 +188,8 @@ class _Usual:
     sign: float = 1.0
 
     @classmethod
-    def of(cls, signals: Sequence[Signals]) -> _Usual | None:
-        """None where there are too few samples."""
+    def of(cls, signals: Sequence[Signals]) -> _UsualJoint | None:
+        """The regression on these recordings; None where they have too few samples."""
         parts = []
         for one in signals:
             q, v = one.position, one.velocity
@@ -191,8 +203,8 @@ class _Usual:
         regressors = regressors / size
         return cls(signals, regressors, size, np.linalg.pinv(regressors.T @ regressors, rcond=1e-9, hermitian=True))
 
-    def fit(self, delay_s: float = 0.0) -> _Fit:
-        """With a torque that acts so much later than it was recorded [s]."""
+    def fit(self, delay_s: float = 0.0) -> _JointFit:
+        """The fit to a torque that acts ``delay_s`` later than it was recorded [s]."""
         torque = self.sign * np.concatenate([one.filtered(one.delayed(delay_s).torque) for one in self.signals])
         found = self.inverse @ (self.regressors.T @ torque)
         residual = torque - self.regressors @ found
@@ -202,18 +214,19 @@ class _Usual:
         wanted[1, 1:3] = self.regressors[:, 1:3].T @ self.regressors[:, 1] * self.size[1] / torque.size
         inertia, lost = (wanted @ found).tolist()
         deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()
-        return _Fit(inertia, lost, deviation, lost_deviation, residual)
+        return _JointFit(inertia, lost, deviation, lost_deviation, residual)
 
 
-def _delayed(usual: _Usual) -> tuple[float, _Fit]:
-    """How much later than recorded the torque acts [s], negative where it was recorded late, and the fit with that; 0
-    where the recordings do not identify it.
+def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
+    """How much later than recorded the torque acts [s], and the fit with this delay.  It is negative where the torque
+    was recorded late, and 0 where the recordings do not identify it.
 
-    Bus, controller and filters delay one of the two signals.  An inertia's torque is then out of phase by 2 pi f d, and
-    its quadrature part, -J (2 pi f)² d per unit of speed, hides friction or imitates it.  A delay is a property of the
-    recording and no effect of the machine: an input delay (Ljung 1999, section 10.3), estimated once by profile least
-    squares.  It counts like an effect: significant by the blocks' errors, worth a name, within the range that was
-    tried.  Only an inertia identifies it: of a sine in phase with the speed alone it is friction.
+    Bus, controller and filters delay one of the two signals.  The torque of an inertia is then out of phase by 2 pi f
+    d, and its quadrature part, -J (2 pi f)² d per unit of speed, hides friction or imitates it.  A delay is a property
+    of the recording and not an effect of the machine.  It is an input delay (Ljung 1999, section 10.3), estimated once
+    by profile least squares.  As for an effect, it must be significant by the errors of blocks and take a large enough
+    share of the error; it must also lie inside of the range that was tried.  Only an inertia identifies it: in a
+    sinusoid a torque in phase with the speed is friction.
     """
     now, most = usual.fit(), LONGEST / max(one.band_hz for one in usual.signals)
     delays = np.linspace(-most, most, DELAYS)
@@ -224,7 +237,11 @@ def _delayed(usual: _Usual) -> tuple[float, _Fit]:
     block = numbered([now.residual.size], now.residual.size / BLOCKS)
     is_worth = errors[at] < (1 - policy.LEAST_GAIN) * now.error
     is_significant = chance(now.residual**2, best.residual**2, block) < policy.FALSE_NAME
-    is_inertia = best.inertia > 0 and now.inertia > 0 and max(best.unsure, now.unsure) < policy.INERTIA_IDENTIFIED
+    is_inertia = (
+        best.inertia > 0
+        and now.inertia > 0
+        and max(best.relative_deviation, now.relative_deviation) < policy.INERTIA_IDENTIFIED
+    )
     if at in (0, DELAYS - 1) or not (is_worth and is_inertia and is_significant):
         return 0.0, now
     left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum

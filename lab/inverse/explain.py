@@ -1,12 +1,13 @@
-"""Finds what is missing from a model with one moving part, by forward selection of effects.
+"""The search for missing effects in a model with one moving part: its preparation and its result.
 
-1. Angle and torque are filtered to the band in which the motion exceeds its noise, without the delay between them
+1. Angle and torque are filtered to the band in which the motion exceeds its noise, and the delay between them is
+removed
    (channel.py).
-2. The model is fitted to the torque by least squares (regression.py).
-3. Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; those that
-   have become superfluous are eliminated (selection.py).
-4. The last recording is used for the errors that are reported.  No parameter is fitted to it; it decides between
-   effects that explain the others equally well, and serves as one more fold where there is only one other recording.
+2. The model is fitted by least squares (regression.py).
+3. Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; effects that
+   have become superfluous are eliminated (selection/forward.py, with the likelihood of likelihood.py).
+4. The errors that are reported are those on the last recording.  No parameter is fitted to it.  It decides between
+   effects that explain the others equally well, and is one more fold where there is only one other recording.
 """
 
 from __future__ import annotations
@@ -54,12 +55,12 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["explained", "fitted", "method_of"]
 
 SIMULATED = ("servo", "oscillator")
-"""Bases with an input that does not follow the disturbances."""
+"""Bases with an input that does not react to disturbances."""
 PIECE_S, PIECES = 1.0, 16
-"""Length and number of the pieces that are simulated to show the motion of a fit."""
+"""Length [s] and largest number of the segments on which the motion is simulated after a fit to the torque."""
 TRAILS = 2.0
-"""Factor from the file's kt, from which on a warning reports the fitted one: no motor's is known so badly, and a delay
-of 60 ms made 4.9 N m/A of one that has 1.2."""
+"""Ratio of the fitted kt to that of the model file from which on a warning reports it: data sheets are not that wrong,
+and a delay of 60 ms made 4.9 N m/A of a motor that has 1.2."""
 SHARPER = 20.0
 """Largest factor by which dry friction is narrower in a simulated motion than in the fit, a fiftieth of the usual
 speed: 2 mrad/s are 1e-5 of the speed of a bare motor, and simulating 0.8 s in steps of a microsecond took over a
@@ -68,9 +69,9 @@ log = logging.getLogger(__name__)
 
 
 def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
-    """The error that is minimised: of the torque where the torque of a joint was measured, of the motion where it
-    follows from a command or a force; None for gears with play, as impacts make the whole motion unpredictable.  Raises
-    ExperimentError for a joint that is driven in some of the recordings only."""
+    """The error that is minimised: of the torque where the torque of a joint was measured, else of the simulated
+    motion; None for gears with play, as impacts make the whole motion unpredictable.  Raises ExperimentError for a
+    joint that is driven in some of the recordings only."""
     if model.base == "play":
         return None
     if model.base in SIMULATED or not can_invert(model):
@@ -88,9 +89,10 @@ def explained(
     model: Model, train: Sequence[Experiment], last: Experiment, method: Method, noise: dict[str, float],
     pool: Executor, progress: Progress, budget_s: float,
 ) -> Explanation:  # fmt: skip
-    """Finds what is missing, on ``train``, with errors on ``last``.
+    """Searches the effects that are missing from the model.
 
-    noise: floor of each column; budget_s: time for the search [s].
+    train: the experiments of the fits; last: the one on which errors are reported; noise: root mean square of the noise
+    of each column; budget_s: time of the search [s].  Raises ModelError where the model cannot be run.
     """
     progress("fitting what is there", 0.0)
     model, held = with_scale(model, train)
@@ -108,17 +110,20 @@ def explained(
                 white = replace(search, signals=wide, unseen=also, is_whitened=True)
                 selection = selected(white, progress, selection)
         progress("judging", 0.9)
-        _tell_what_trails(model, selection.fits[-1].model, train[0].name)
+        _warn_of_motor_constant(model, selection.fits[-1].model, train[0].name)
         found = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()
     progress("done", 1.0)
-    base, best = (channel.noted(fit) for fit in (found.base, found.best))
+    base, best = (channel.annotated(fit) for fit in (found.base, found.best))
     return replace(found, held=held, base=base, best=best)
 
 
-def _tell_what_trails(rough: Model, fitted: Model, name: str) -> None:
-    """Warns where the motor of a servo has become another one: kt/(U kp error_gain) is the time by which it trails its
-    command at a steady speed, and so are a delay, a lag and viscous friction, which no slow motion distinguishes."""
+def _warn_of_motor_constant(rough: Model, fitted: Model, name: str) -> None:
+    """Warns where the fitted motor constant of a servo is far from that of the model.
+
+    kt/(U kp error_gain) is the time by which a servo trails its command at a steady speed.  A delay, a lag and viscous
+    friction add to this time, and a slow motion does not distinguish them from kt.
+    """
     if rough.base != "servo" or rough.parameters["kt"].fixed:
         return
     given, now = rough.parameters["kt"].value, fitted.parameters["kt"].value
@@ -134,7 +139,7 @@ def _explanation(
     selection: Selection[Fitted], model: Model, train: Sequence[Experiment], unseen: Signals, method: Method,
     noise: dict[str, float], pool: Executor,
 ) -> Explanation:  # fmt: skip
-    """The result, with errors on the unseen recording."""
+    """The result of a search, with errors on the unseen recording."""
     fits = [one.surest for one in selection.fits]
     base, best = fits[0], fits[-1]
     power = None if method is Method.MOTION else _power(selection.fits[-1], selection.added)
@@ -168,16 +173,21 @@ def _explanation(
 
 
 def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
-    """The squared torque of each effect, by which the squared error of a joint is divided: of two that share a torque
-    the first step takes what belongs to both (viscous friction before Coulomb's, of an arm with a tenth of it), and a
-    free swing with gravity alone is out of phase with the measured one and has a larger error than without."""
+    """The mean squared torque of each effect of a joint [(N m)²], in proportion to which the decrease of the squared
+    error is divided among the effects.
+
+    The decrease at each step is no such measure: the first of two effects with similar torques takes what both explain
+    (viscous friction before Coulomb friction, of an arm with a tenth of it), and a free swing simulated with gravity
+    alone is out of phase with the measured one, and has a larger error than without gravity.
+    """
     data = fit.inverse.data
     assert isinstance(data, InverseModel)
     return shares(fit.model, effects, data, is_free=fit.judged is not fit.inverse)
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:
-    """Noise floor of each column; for the compared one within the band, the largest of all recordings."""
+    """The noise of each column; for the torque the largest of all recordings within the band, for a simulated motion at
+    least its error of integration."""
     every = (*unseen, *fit.data.signals)
     least = fit.data.accuracy if isinstance(fit.data, OutputError) else 0.0
     noise = {**noise, column: max(noise.get(column, 0.0), least)}
@@ -189,25 +199,29 @@ def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Sign
 
 
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
-    """The model with its free parameters fitted to all of these experiments; noise: floor of each column."""
+    """Fits the free parameters of the model to all of these experiments; noise: root mean square of the noise of each
+    column.  Raises ModelError where the model cannot be run."""
     model, held = with_scale(model, experiments)
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
     fit = WholeMotion(method, from_spectra(model, experiments), signals).first().judged
     column = "torque" if method is Method.TORQUE else signals[0].column
-    return replace(channel.noted(_fit(fit, model, _floors(noise, column, fit), column)), held=held)
+    return replace(channel.annotated(_fit(fit, model, _floors(noise, column, fit), column)), held=held)
 
 
 def _error(one: Candidate[Fitted], unseen: Signals, before: float) -> float:
-    """The error with a candidate.  One that improves no prediction gets the error without it: its fit may be far off,
-    and take a minute to simulate.  When the time is up, the error is that of the folds."""
+    """The error on the unseen recording with a candidate; before: that without it.
+
+    For a candidate that improves no prediction it is the error without it, as its fit may be far off, and take a minute
+    to simulate.  When the time is up, it is estimated from the folds.
+    """
     if one.gain <= 0:
         return before
     return before * math.sqrt(1 - one.gain) if is_over() else error_on(one.fit.judged, unseen)
 
 
 def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
-    """The size at which each effect is significant with probability 1/2."""
+    """By effect, the name of its first amplitude and the size at which it would be significant with probability 1/2."""
     sizes = {}
     for one in step.judged:
         fit = one.fit.judged
@@ -230,7 +244,7 @@ def _estimates(fit: Regression) -> tuple[Estimate, ...]:
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
-    """The regression as a result, with unseen recordings in front."""
+    """A regression as a result, with unseen recordings in front of those of the fit."""
     block = blocks_of(fit)
     covariance = fit.covariance(block)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
@@ -253,8 +267,8 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
 
 
 def _substep(fit: Regression, model: Model, shown: Sequence[Experiment]) -> float:
-    """The integration step [s] of what is shown: the model's own choice from rest, or that of the fit where from there
-    the motion runs away, as that of a bar which softens."""
+    """The integration step [s] with which the result is simulated: the model's own choice for a motion from rest, or
+    the step of the fit where that motion diverges, as that of a bar which softens may."""
     try:
         return coarse_substep(model, shown, 1.0)
     except ModelError:
@@ -264,8 +278,8 @@ def _substep(fit: Regression, model: Model, shown: Sequence[Experiment]) -> floa
 
 
 def _sharp(model: Model, rough: Model) -> Model:
-    """The model with the widths of dry friction that its file or its effects state, not those of the filter, but at
-    most ``SHARPER`` times as narrow."""
+    """The model with the speeds at which dry friction changes its sign as its file or its effects state them, not as
+    the filter of the fit needs them, but at most ``SHARPER`` times as small."""
     bare = build_model(model.base, model.effects)
     stated = {name: p for name, p in {**bare.parameters, **rough.parameters}.items() if name.endswith(".omega_0")}
     widths = {
@@ -277,7 +291,8 @@ def _sharp(model: Model, rough: Model) -> Model:
 
 
 def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArray | None]]:
-    """The recordings of a fit, each with its fitted initial state where their motion is simulated."""
+    """The experiments of a fit with their fitted initial states, None where no motion is simulated; remark: added to
+    their names."""
     experiments = [replace(one.experiment, name=f"{one.experiment.name}{remark}") for one in fit.data.signals]
     if isinstance(fit.data, InverseModel):
         return [(one, None) for one in experiments]
@@ -290,7 +305,7 @@ def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArr
 
 
 def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
-    """Segments of a second, one at least, each with the filtered angle and speed at its first sample."""
+    """The segments of a second of a recording, each with the filtered position and speed at its first sample."""
     whole, found = signals.experiment, []
     for start in np.arange(whole.time[0], max(whole.time[-1] - PIECE_S / 2, whole.time[1]), PIECE_S):
         piece = whole.between(float(start), float(start) + PIECE_S)
@@ -301,7 +316,8 @@ def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
 
 
 def _motion_rms(fit: Regression, model: Model, substep: float) -> dict[str, float]:
-    """Error of the motion where the torque was fitted, for segments that start in the filtered state [rad or m]."""
+    """After a fit to the torque, the root mean square error of the motion simulated over segments of a second from the
+    filtered states [rad or m], by column; {} after other fits."""
     if not isinstance(fit.data, InverseModel):
         return {}
     column, parts = fit.data.signals[0].column, []

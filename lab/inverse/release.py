@@ -1,14 +1,16 @@
-"""What of a free recording is compared: the time after the hand, the motor or the blow that set the part in motion, and
-of a structure with more modes than the catalogue has the band of the strongest one.
+"""Selects the part of a recording without an input in which the motion is free, and the band of its strongest mode.
 
-A free motion has an acceleration that is a function of its position and speed.  Before the release something else acts:
-a hand holds a pendulum up (the acceleration is zero where its weight would accelerate it), a motor still drives, a beam
-is struck.  The function is fitted where the motion is surely free, from its largest speed on, and followed back for as
-long as it explains the acceleration.
+``released`` leaves out what comes before the release: a hand that holds a pendulum up, a motor that still drives, a
+blow on a beam.  The acceleration of a free motion is a function of position and speed.  This function is fitted where
+the motion is surely free, from its largest speed on.  The motion counts as free back to where the function no longer
+explains the acceleration.
 
-A modal analysis looks at one mode at a time, within its band, and leaves the others to a residual (Ewins 2000, Modal
-Testing, sections 4.2 and 4.4).  The bar of the model has one mode, and the catalogue a second one; an accelerometer on
-a struck beam feels a dozen, in the first tenths of a second as large as these.
+``band_limited`` leaves out the higher modes of a structure that has more modes than model and catalogue.  A modal
+analysis looks at one mode at a time, within its band, and leaves the others to a residual (Ewins 2000, Modal Testing,
+sections 4.2 and 4.4).  The bar of the model has one mode, and the catalogue has a second one; an accelerometer on a
+struck beam feels a dozen, which in the first tenths of a second are as large as these.
+
+Both are applied before any fit (explain.py of the lab).
 """
 
 from __future__ import annotations
@@ -47,23 +49,24 @@ ORDER = 5
 SMALL = 0.1
 """Share of the usual acceleration: the smallest error that counts."""
 PERIOD = 3
-"""Widths of the polynomials in a period."""
+"""Widths of the local polynomials in a period."""
 TURNING = 0.1
 """Share of a period: the longest time in which a free motion turns."""
 TOP = 0.98
-"""Share of the largest speed: a shaft that something drives keeps it, but for noise, and slows down as soon as it
-coasts."""
+"""Share of the largest speed above which a shaft may still be driven: a driven shaft keeps its speed, apart from noise,
+and a coasting one slows down at once."""
 COASTS = 0.1
-"""Share of the time in which a shaft coasts down, as its period: it has none, and no mode that dies down."""
+"""What stands for the period of a shaft that coasts down, which has none: a share of the time that it takes."""
 PAUSE = 3.0
-"""Periods of the end of the band: a longer rest is one between two motions."""
+"""Longest rest within one motion, in periods of the end of the band; a longer one separates two motions."""
 MODES = 2
-"""Of the model and the catalogue: where there are no more, all are compared."""
+"""Number of modes of model and catalogue; the band is limited only where a recording has more."""
 log = logging.getLogger(__name__)
 
 
 def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments, those without an input from their release on; a warning reports what is left out."""
+    """The experiments, those without an input reduced to their free part; a warning reports what is left out.  Raises
+    ExperimentError for a shaft that gains speed without an input."""
     return tuple(one if is_driven(one) else _released(one) for one in experiments)
 
 
@@ -82,7 +85,7 @@ def _released(experiment: Experiment) -> Experiment:
     return experiment.between(part.begins, part.ends)
 
 
-class _Part(NamedTuple):
+class _FreePart(NamedTuple):
     """The times between which a motion is free [s], and whether something acts again after it."""
 
     begins: float
@@ -90,34 +93,40 @@ class _Part(NamedTuple):
     acts_again: bool
 
 
-def _free_part(signals: Signals) -> _Part:
-    """The part in which the motion is free, with a rest after it that is no longer than the motion: the noise of a long
-    one narrows the band (six simulated arms, each dropped three times in 6 s: none was right, all are).
+def _free_part(signals: Signals) -> _FreePart:
+    """The part of a recording in which the motion is free.
 
-    It is free from the last time on at which the error of the acceleration, over a third of a period, was more than
-    ``policy.MISSED`` times that of the free part.  Less than a period before it is not left
-    out: a second mode that dies down looks alike.  A rest before the motion is, if it is longer than that of a free
-    motion where it turns: a pendulum that falls from the upright accelerates nowhere near its rest, and no simulation
-    from there follows it.  So is the blow after a rest, which an accelerometer feels, for half a period: a longer one
-    pushes against the motion.  It is free until it rests: afterwards a hand holds it, or lets it go again.
+    It begins after the last time at which the error of the acceleration, averaged over a third of a period, exceeds
+    ``policy.MISSED`` times that of the surely free part.  If less than a period would be left out, nothing is, as a
+    second mode that dies down looks alike.
+
+    A rest before the motion is left out if it is longer than that of a free motion at its turning points: a pendulum
+    that falls from the upright hardly accelerates there, and no simulation from there follows it.  For an accelerometer
+    half a period after a rest is left out as well, which is the longest time in which a blow does not push against the
+    motion.
+
+    The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band (of
+    six simulated arms, each dropped three times in 6 s, none was right with the whole rest, and all are without).  It
+    ends with the motion where something acts again afterwards.
     """
-    motion, time = _Local.of(signals), signals.time
+    motion, time = _LocalMotion.of(signals), signals.time
     free, width, release, acts_again = motion.free, motion.width, 0, False
     if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
         release, acts_again = _by_acceleration(signals, motion)
     elif motion.coasts and _gains_speed(signals.position[motion.whole]):
-        raise _driven(signals)
+        raise _driven_error(signals)
     begins, ends = motion.whole.start, motion.whole.stop
     if begins > TURNING * motion.period:
         release = max(release, begins + (motion.period // 2 if signals.column == ACCEL else 0))
     end = free.stop - 1 if acts_again else 2 * ends - begins
-    return _Part(
+    return _FreePart(
         float(time[release]) if release else -math.inf, float(time[end]) if end < time.size else math.inf, acts_again
     )
 
 
-def _by_acceleration(signals: Signals, motion: _Local) -> tuple[int, bool]:
-    """The sample of the release by the error of the acceleration, and whether something acts again after the motion."""
+def _by_acceleration(signals: Signals, motion: _LocalMotion) -> tuple[int, bool]:
+    """The sample of the release, by the error of the acceleration, 0 where nothing is left out; and whether something
+    acts again after the motion."""
     free, width, off = motion.free, motion.width, motion.unexplained(signals.experiment.is_linear)
     usual = np.sqrt(max(np.mean(off[free] ** 2), SMALL**2 * np.mean(motion.acceleration[free] ** 2)))
     mean = np.sqrt(np.convolve(off**2, np.ones(width) / width, mode="same"))
@@ -129,13 +138,14 @@ def _by_acceleration(signals: Signals, motion: _Local) -> tuple[int, bool]:
 
 
 def _gains_speed(angle: FloatArray) -> bool:
-    """Whether a shaft (N,) turns farther in the second half of a time than in the first."""
+    """Whether a shaft with these angles (N,) turns farther in the second half of the time than in the first, beyond
+    noise."""
     first, second = np.abs(np.diff(angle[[0, angle.size // 2, -1]]))
     return bool(first < TOP * second)
 
 
-def _driven(signals: Signals) -> ExperimentError:
-    """The error for a shaft that gains speed, as nothing does that is free."""
+def _driven_error(signals: Signals) -> ExperimentError:
+    """The error to raise for a shaft that gains speed, which a free one cannot."""
     turns = np.ptp(signals.position) / (2 * np.pi)
     return ExperimentError(
         f"{signals.experiment.name}: found {turns:.3g} turns that gain speed, and nothing that drives them; expected "
@@ -144,8 +154,8 @@ def _driven(signals: Signals) -> ExperimentError:
 
 
 def _largest_motion(signals: Signals) -> slice:
-    """The samples of the motion, of several with rests between, with the longest way.  What moves freely does not begin
-    again after a rest."""
+    """The samples of the motion that covers the longest distance, of several that are separated by rests, as a free
+    part does not begin to move again after a rest."""
     moving = np.flatnonzero(signals.moving)
     rest = PAUSE / signals.band_hz / float(signals.time[1] - signals.time[0])
     parts = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
@@ -154,7 +164,7 @@ def _largest_motion(signals: Signals) -> slice:
 
 
 def _last_fastest(velocity: FloatArray, share: float) -> int:
-    """The last of these samples (N,) at this share of the largest speed, or above."""
+    """The index of the last of these samples (N,) whose speed is at least this share of the largest speed."""
     speed = np.abs(velocity)
     return int(np.flatnonzero(speed >= share * speed.max())[-1])
 
@@ -166,10 +176,13 @@ def _period(signals: Signals, part: slice) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Local:
-    """Position, speed and acceleration (N,) by local polynomials of a width in samples that is a third of a period;
-    free: from the largest speed until rest; whole: the largest motion; period: its period, in samples; coasts: whether
-    it is a shaft's, which nothing pulls back."""
+class _LocalMotion:
+    """Position, speed and acceleration (N,) by local polynomials (Savitzky and Golay).
+
+    width: of the polynomials, a third of a period [samples]; free: where the motion is surely free, from its largest
+    speed until rest; whole: all samples of the motion; period: that of the motion [samples]; coasts: whether it is that
+    of a shaft that nothing pulls back.
+    """
 
     position: FloatArray
     velocity: FloatArray
@@ -181,8 +194,9 @@ class _Local:
     coasts: bool
 
     @classmethod
-    def of(cls, signals: Signals) -> _Local:
-        """Of what was measured: the band's filter has a transient at the beginning of a recording."""
+    def of(cls, signals: Signals) -> _LocalMotion:
+        """The polynomials of the readings, not of the filtered position, as that has a transient at the beginning of a
+        recording."""
         from scipy.signal import savgol_filter  # late, as everywhere in the lab
 
         step = float(signals.time[1] - signals.time[0])
@@ -204,7 +218,8 @@ class _Local:
         return cls(position, velocity, acceleration, width, slice(first, last), moved, whole, is_coast)
 
     def unexplained(self, is_linear: bool) -> FloatArray:
-        """The acceleration that no function of position and speed explains (N,), fitted where the motion is free."""
+        """The acceleration less a function of position and speed (N,), which is fitted where the motion is surely free;
+        is_linear: whether the position is a length."""
         q, v = self.position, self.velocity
         laws = [np.ones_like(q), q, q**3, *([] if is_linear else [np.sin(q), np.cos(q)])]
         inputs = np.stack([*([] if self.coasts else laws), v, np.sign(v), v * np.abs(v)], axis=1)
@@ -214,8 +229,9 @@ class _Local:
 
 
 def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments, those of an accelerometer on a bar that rings down in many modes within the band of its
-    strongest one; a warning reports the others."""
+    """The experiments; those of an accelerometer on an oscillator that rings down with
+    at least ``MODES`` modes beyond the band of the strongest one are filtered to this band, and a warning reports the
+    others."""
     return tuple(_limited(one) if model.base == "oscillator" else one for one in experiments)
 
 

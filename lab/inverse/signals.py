@@ -1,7 +1,8 @@
-"""Motion and torque of a recording within the band in which the angle exceeds its noise.  Nothing is fitted here.
+"""Motion and torque of a recording within the band in which its angle exceeds the noise.  Nothing is fitted here.
 
-Every signal of the regression passes the same zero-phase low-pass filter (parallel filtering), which preserves linear
-relations between them, and is then sampled at the rate that the band needs.
+All signals of a regression pass the same zero-phase low-pass filter, which preserves the linear relations between them
+(parallel filtering), and are then sampled at the rate that the band needs.  ``Signals`` is the form in which the
+likelihood of predictable motions gets its recordings.
 """
 
 from __future__ import annotations
@@ -23,49 +24,55 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving"]
 
 FASTEST = 0.2
-"""Share of the sampling rate: the highest end of a band, where the second derivative of the spline is accurate to 1
-%."""
+"""Highest end of a band, as a share of the sampling rate: the second derivative of the spline is accurate to 1 %
+there."""
 WHOLE = 2.0
 """Cutoff of the filter that smooths the motion, times the end of the band: its gain at the end of the band is 99.6 %.
 Dry friction needs the true speed; with a cutoff at the end of the band, a fast sine near it reduced a damper's friction
 from 50 N to 23 N."""
 LEAST_SAMPLES, REGRESSORS = 4, 6
-"""For each regressor of the usual joint (channel.py), and their number.  With fewer samples in motion, those at rest
-count, too; they know nothing of friction, and 125 of them outvoted 70 in motion."""
+"""Least number of samples for each regressor of the usual joint (channel.py), and the number of regressors.  With fewer
+samples in motion, those at rest are compared as well.  They contain no information on friction, and 125 of them
+outvoted 70 in motion."""
 SPLINE = 5
 """Degree of the spline that is differentiated.  Central differences are 3 % too small at a twentieth of the rate."""
 SLOWEST = 4.0
-"""Periods in the recording: the lowest end of a band taken from others, and of the band of an accelerometer."""
+"""Lowest end of a band, in periods within the recording, where the band is prescribed by other recordings; and lowest
+frequency of an accelerometer."""
 RINGS = 0.25
-"""Share of the frequency of a ring-down, below which an accelerometer feels its own drift."""
+"""Share of the frequency of a ring-down below which the readings of an accelerometer are drift."""
 PER_PERIOD = 2.5
-"""Samples that are kept per period of the end of the band."""
+"""Samples that are compared per period of the end of the band."""
 EDGE = 2.0
 """Periods of the end of the band that are left out at both ends of a recording."""
 SETTLED = 0.15
-"""Periods of the end of the band to a rest or a reversal, within which samples do not count: friction is anything
-between its limits while a part sticks, and the filter spreads that.  Of 96 intervals of 32
+"""Time from a rest or a reversal within which samples are not compared, in periods of the end of the band: while a part
+sticks, its friction has any value between its limits, and the filter spreads that.  Of 96 intervals of 32
 simulated joints that stick 57 held without it, 77 with 0.15, 67 with 0.25 and 46 with 0.4; Coulomb friction was off by
-2.2, 1.1, 1.1 and 2.3 %.  Where few would be left, all in motion count: with 31 of 48 nothing followed the speed."""
+2.2, 1.1, 1.1 and 2.3 %.  Where few would be left, all samples in motion are compared: with 31 of 48 no friction was
+found."""
 SLOWEST_OWN = 2 * EDGE + LEAST_SAMPLES * REGRESSORS / PER_PERIOD
-"""Periods in the recording: the lowest end of its own band, which fixes the least number of samples.  With four periods
-nine samples were left of a robot's joint that turned slowly for 16 s at 30 Hz, and Coulomb friction was not significant
-(p = 0.12, now 0.001)."""
+"""Lowest end of a band that follows from the recording itself, in periods within the recording; it fixes the least
+number of samples.  With four periods nine samples were left of a robot's joint that turned slowly for 16 s at 30 Hz,
+and Coulomb friction was not significant (p = 0.12, now 0.001)."""
 SLOWEST_DISTURBED = 40.0
-"""The same of a joint that its neighbours move: its steps at reversals are faster than the motion.  With 13.6 periods
-25 samples were left of such a wrist, and no friction was significant; with 40 and 60 its Coulomb friction is 0.24 and
-0.30 N m (p = 0.006)."""
+"""The same for a joint that its neighbours move, whose torque has steps at reversals that are faster than the motion.
+With 13.6 periods 25 samples were left of such a wrist, and no friction was significant; with 40 and 60 its Coulomb
+friction is 0.24 and 0.30 N m (p = 0.006)."""
 SEGMENT = 1024
 """Samples of a segment of the power density."""
 COLUMNS = ("position", "displacement", "accel")
-"""What may be measured of a moving part, the most direct first."""
+"""The columns that may hold the measured motion, the most direct one first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """time [s], position [rad or m], velocity, acceleration and torque [N m or N], each (N,) on the recording's grid,
-    filtered; band_hz: the end of the band; position_density: power density of the angle's noise [rad²/Hz];
-    torque_noise: root mean square of the torque's noise within the band [N m]; column: what was measured."""
+    """The filtered signals of a recording, each (N,) at evenly spaced times.
+
+    time [s], position [rad or m], velocity, acceleration, torque [N m or N]; band_hz: the end of the band;
+    position_density: power density of the noise of the position [rad²/Hz]; torque_noise: root mean square of the noise
+    of the torque within the band [N m]; column: the measured one.
+    """
 
     experiment: Experiment
     time: FloatArray
@@ -78,16 +85,18 @@ class Signals:
     torque_noise: float
     column: str = "position"
     counts_settled: bool = False
-    """Whether samples within the response of the filter to a rest or a reversal do not count: of a torque, but for a
-    joint that its neighbours move, whose friction is known by the reversals alone."""
+    """Whether samples within ``SETTLED`` of a rest or a reversal are not compared.  They are not where there is a
+    torque, unless neighbours move the joint, so that its friction is known by the reversals alone."""
 
     @classmethod
     def of(
         cls, experiment: Experiment, is_force: bool = True, most_hz: float = math.inf, is_disturbed: bool = False
     ) -> Signals:
-        """Of an experiment with one moving part.  is_force: the input is a torque or force; without it the part moves
-        freely and there is no torque.  most_hz: the highest end of the band (channel.py); is_disturbed: whether its
-        neighbours move it."""
+        """The signals of an experiment with one moving part.
+
+        is_force: whether the input is a torque or force, else the torque is zero; most_hz: the highest end of the band
+        (channel.py); is_disturbed: whether neighbours move the part.  An acceleration is integrated twice.
+        """
         column = next(name for name in COLUMNS if name in experiment.measured)
         seen = ~np.isnan(experiment.measured[column])
         measured, at = experiment.measured[column][seen], experiment.time[seen]
@@ -117,8 +126,9 @@ class Signals:
 
     @cached_property
     def kept(self) -> NDArray[np.intp]:
-        """The samples that are compared (M,): none near the ends, where the filter has a transient, and none at rest,
-        where dry friction may have any value up to its largest, or so near to it that the filter mixes it in."""
+        """The indices of the samples that are compared (M,).  Samples near the ends, where the filter has a transient,
+        are not, nor are those at rest, where dry friction has any value up to its largest, and those so near to a rest
+        that the filter mixes both."""
         edge = min(round(EDGE * self._rate / self.band_hz), self.time.size // 4)
         found = np.arange(edge, self.time.size - edge, self._every)
         moving = found[np.abs(self.velocity[found]) > self._rest_speed]
@@ -149,27 +159,27 @@ class Signals:
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
-        """Where a free motion has not ended (N,)."""
+        """Whether a free motion has not yet come to rest, at each sample (N,)."""
         return is_moving(self.velocity)
 
     def delayed(self, by_s: float) -> Signals:
-        """With a torque that acts so much later [s]."""
+        """The signals with a torque that acts ``by_s`` [s] later."""
         at = np.clip(self.time - by_s, *self.time[[0, -1]])
         return replace(self, torque=np.asarray(make_interp_spline(self.time, self.torque, k=3)(at)))
 
     @property
     def grid(self) -> NDArray[np.intp]:
-        """The samples that are compared, and those between and beside them, evenly spaced (K,)."""
+        """The indices of all samples on the grid of those that are compared, also at rest and near the ends (K,)."""
         return np.arange(self.kept[0] % self._every, self.time.size, self._every)
 
     @property
     def _every(self) -> int:
-        """The decimation factor that the band allows."""
+        """The decimation factor, ``PER_PERIOD`` samples being left in a period of the end of the band."""
         return max(round(self._rate / self.band_hz / PER_PERIOD), 1)
 
     @property
     def _rest_speed(self) -> float:
-        """Below it the sign of the speed is unknown [rad/s]."""
+        """The speed below which a sample counts as at rest, as the sign of its speed is unknown [rad/s]."""
         usual = float(np.sqrt(np.mean(self.velocity**2)))
         noise = self._derivative_noise(min(WHOLE * self.band_hz, FASTEST * self._rate), 1)
         return min(max(policy.SURE_SPEED * noise, policy.UNSURE_SPEED * usual), policy.SLOW_SPEED * usual)
@@ -179,16 +189,16 @@ class Signals:
         return float(1 / (self.time[1] - self.time[0]))
 
     def filtered(self, signals: FloatArray) -> FloatArray:
-        """Signals (..., N) through the filter, at the samples that are compared (..., M)."""
+        """Signals (..., N) after the filter, at the samples that are compared (..., M)."""
         return self.smooth(signals)[..., self.kept]
 
     def smooth(self, signals: FloatArray) -> FloatArray:
-        """Signals (..., N) through the filter with the cutoff at the end of the band."""
+        """Signals (..., N) after the filter, whose cutoff is the end of the band."""
         return lowpass(signals, self.band_hz / self._rate)
 
     @cached_property
     def lines(self) -> tuple[float, ...]:
-        """Frequencies of the largest lines in the spectrum of what was measured [Hz], the largest first."""
+        """The frequencies of the lines in the spectrum of the readings [Hz], the strongest first."""
         return spectral_lines(self.experiment.measured[self.column], self.experiment.rate_hz)
 
     @property
@@ -201,15 +211,15 @@ class Signals:
 
     @property
     def counts_from_start(self) -> bool:
-        """Whether the angle is exactly zero at the first sample: that of an incremental encoder, or an angle that was
-        integrated from a speed."""
+        """Whether the measured angle is relative to that at the start, as it is exactly zero at the first sample: that
+        of an incremental encoder, or one integrated from a speed."""
         if self.column != "position" or self.experiment.is_linear or self.experiment.drive is None:
             return False
         position = self.experiment.measured["position"]
         return bool(position[~np.isnan(position)][0] == 0.0)
 
     def shifted(self, zero: float) -> Signals:
-        """With another zero angle [rad] of the measured and the filtered position."""
+        """The signals with a zero angle [rad] added to the measured and the filtered position."""
         measured = {**self.experiment.measured, self.column: self.experiment.measured[self.column] + zero}
         return replace(self, experiment=replace(self.experiment, measured=measured), position=self.position + zero)
 
@@ -220,18 +230,20 @@ class Signals:
 
     @property
     def acceleration_noise(self) -> float:
-        """Root mean square of the acceleration's error within the band [rad/s²] due to the angle's noise."""
+        """Root mean square of the error of the acceleration within the band that the noise of the angle causes
+        [rad/s²]."""
         return self._derivative_noise(self.band_hz, 2)
 
     def _derivative_noise(self, end_hz: float, order: int) -> float:
-        """Root mean square of the error of the angle's derivative up to this frequency: the square root of the integral
-        of (2 pi f)^(2 order) times the noise's density."""
+        """Root mean square of the error of a derivative of the angle up to a frequency: the square root of the integral
+        of (2 pi f)^(2 order) S, S being the power density of the noise."""
         power = 2 * order + 1
         return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
 
 
 def is_moving(velocity: FloatArray) -> NDArray[np.bool_]:
-    """Where the speed is above ``policy.RESTS`` of that below which half of the way is made (N,)."""
+    """At which samples (N,) the speed is above ``policy.RESTS`` of the speed below which half of the distance is
+    covered."""
     speed = np.abs(velocity)
     ordered = np.sort(speed)
     way = np.cumsum(ordered)
@@ -239,7 +251,8 @@ def is_moving(velocity: FloatArray) -> NDArray[np.bool_]:
 
 
 def _integrated_twice(acceleration: FloatArray, step: float, slowest_hz: float) -> FloatArray:
-    """Position without frequencies below this, where an accelerometer's offset exceeds the motion."""
+    """The position (N,) of an acceleration (N,), without frequencies below ``slowest_hz``, where the offset of an
+    accelerometer exceeds the motion; step: between samples [s]."""
     frequency = np.fft.rfftfreq(acceleration.size, step)
     spectrum = np.fft.rfft(acceleration - acceleration.mean())
     slow = frequency < slowest_hz
@@ -249,7 +262,7 @@ def _integrated_twice(acceleration: FloatArray, step: float, slowest_hz: float) 
 
 
 def _density(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Frequencies [Hz] and one-sided power density."""
+    """Frequencies [Hz] and one-sided power density of values (N,) by Welch's method."""
     from scipy.signal import welch
 
     length = min(values.size, SEGMENT)

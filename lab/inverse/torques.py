@@ -1,8 +1,8 @@
-"""The acceleration of a model for a given motion, the torque that it needs, and the width of its dry friction.
+"""The acceleration of a model for a given motion, and the speed within which its dry friction changes its sign.
 
-The terms are the model's kernels, so effects of the catalogue and user-defined ones are evaluated in the same way.  No
-equation of motion is solved here, so effects with delays or time dependence cannot be evaluated, nor those with states,
-except states that follow from the measured motion (``follows_motion``).
+The terms are the kernels of the model, so that effects of the catalogue and user-defined ones are evaluated alike.  No
+equation of motion is solved here.  So effects with a delay or a time dependence cannot be evaluated, nor effects with
+states, except states that follow from the measured motion (``follows_motion``).
 """
 
 from __future__ import annotations
@@ -33,31 +33,34 @@ STEP, MOST_PARTS = 0.2, 50
 """Share of the shortest distance of a hysteresis that a step may take: the friction is then within 2 % of its law; and
 the largest number of steps between two samples."""
 SATURATED = 3.0
-"""Widths of the change of sign of dry friction in the speed below which a sample is at rest: tanh(3) = 0.995 of it acts
-in each sample that counts.  With one width 0.76 of it acted in the slowest, and of eight simulated joints that were
-known to 0.2 % no interval held (Coulomb friction 0.9 % too large, viscous 0.4 % too small; 0.04 % with three)."""
+"""Ratio of the speed below which a sample is at rest to the width omega_0 of dry friction tanh(omega/omega_0): tanh(3)
+= 0.995 of the friction acts in each sample that is compared.  With one width 0.76 of it acted in the slowest, and of
+eight simulated joints that were known to 0.2 % no interval held (Coulomb friction 0.9 % too large, viscous 0.4 % too
+small; 0.04 % with three)."""
 
 HOLDS = 10.0
-"""The same of a servo whose motion is simulated: at a usual speed of 1 rad/s the 2 mrad/s that its laws begin with."""
+"""The same for a servo whose motion is simulated: at a usual speed of 1 rad/s it is the default width of 2 mrad/s."""
 
 
 def follows_motion(effect: Effect) -> bool:
-    """Whether an effect is a torque that follows from the motion of the joint up to the same instant."""
+    """Whether an effect is a torque that follows from the measured motion up to the same instant: it has no delay, no
+    time dependence, and no states but those that depend on the distance travelled."""
     return not (effect.delay or effect.clock_rate) and (effect.distance is not None or not effect.states)
 
 
 def can_invert(model: Model) -> bool:
-    """Whether the model's torque follows from the motion: the base ``joint`` with such effects only."""
+    """Whether the torque of a model follows from the measured motion: a ``joint`` whose effects all do."""
     return model.base == "joint" and all(follows_motion(get_effect(name)) for name in model.effects)
 
 
 def inertia_of(model: Model) -> float:
-    """J [kg m²], or m [kg]."""
+    """The inertia of a joint J [kg m²], or the mass of an oscillator m [kg]."""
     return next(model.parameters[name].value for name in ("J", "m") if name in model.parameters)
 
 
 def noise_floor(signals: Signals, model: Model) -> float:
-    """Root mean square of the noise of torque and needed torque within the band [N m]."""
+    """Root mean square within the band of the noise of the measured torque and of the torque that the measured motion
+    needs [N m]."""
     return math.hypot(signals.torque_noise, inertia_of(model) * signals.acceleration_noise)
 
 
@@ -73,7 +76,7 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
 
 
 def _parts(model: Model, signals: Signals) -> int:
-    """The number of steps between two samples for states that follow the motion."""
+    """The number of integration steps between two samples for states that follow from the motion."""
     values = {name: p.value for name, p in model.parameters.items()}
     own = [effect for name in model.effects if (effect := get_effect(name)).distance]
     if not own:
@@ -108,9 +111,9 @@ _evaluate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_r
 
 
 def softened(model: Model, signals: Sequence[Signals], saturation: float = SATURATED) -> Model:
-    """The model with dry friction that changes sign within the resolution of the filtered speed, or a larger width of
-    the model: a fixed width in rad/s is wide for a slow joint, and for an axis in m/s, and depends on the unit of
-    time.  saturation: speeds of samples at rest, in widths."""
+    """The model with dry friction that changes its sign within the speed of samples at rest: its fixed widths omega_0
+    are at least ``policy.UNSURE_SPEED`` of the usual speed over ``saturation``.  Default widths are replaced by this
+    one: a default in rad/s is too wide for a slow joint or a linear axis."""
     usual_speed = float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
     width = policy.UNSURE_SPEED / saturation * usual_speed
     usual = build_model(model.base, model.effects).parameters
@@ -123,7 +126,7 @@ def softened(model: Model, signals: Sequence[Signals], saturation: float = SATUR
 
 
 def simulable(model: Model, signals: Sequence[Signals]) -> Model:
-    """The same for a model that is simulated.  A servo holds its load at rest for much of a recording, and would creep
-    within a wider step: with that of a free motion Stribeck friction was named for one that sticks, and nothing for an
-    XL330."""
+    """The model with widths of dry friction for a simulation; see ``softened``.  A servo holds its load at rest for
+    much of a recording and would creep with a larger width: with that of a free motion, Stribeck friction was named for
+    a servo that sticks, and nothing for an XL330."""
     return softened(model, signals, HOLDS if model.base == "servo" else 1.0)
