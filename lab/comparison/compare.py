@@ -34,7 +34,7 @@ from lostmotion.lab.data.whiteness import fit_percent
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.identifiability import held
-from lostmotion.lab.fitting.strategy import started
+from lostmotion.lab.fitting.strategy import unfitted
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.likelihood import Method, is_noise
@@ -214,7 +214,7 @@ def _described(model: Model, experiments: Sequence[Experiment], noise: dict[str,
     """The residual with the parameters as they are, where the motion changes most."""
     fixed = held(model, free_names(model))
     task = Task.of(fixed, excerpts(experiments, DESCRIBED_S), noise)
-    return described(started(fixed, task.tiles, task), task)
+    return described(unfitted(fixed, task.tiles, task), task)
 
 
 def _compared(

@@ -1,9 +1,9 @@
-"""Estimates free parameters from recordings: the search, the last refinement, and confidence intervals.
+"""Fits by multiple shooting as results: the search for the minimum, the last refinement, and confidence intervals.
 
-The search (strategy.py) uses a coarse step, robust weights and values near those of the file; the refinement a fine
-step, all data, and the bounds of the file.  Confidence intervals take the residual's own correlation into account: cov
-= H^-1 J' Gamma J H^-1 with H = J'J and Gamma the autocovariance of the residual as an autoregression (Huber's
-sandwich), so that coloured noise widens them as it should.
+The search (strategy.py) uses a coarse integration step, robust weights, and values near those of the model file.  The
+refinement uses a fine step, squares, and the bounds of the file.  Confidence intervals take the correlation of the
+residual into account: with J the Jacobian, H = J'J, and Gamma the autocovariance of the residual from an
+autoregression, the covariance is H^-1 J' Gamma J H^-1 (Huber's sandwich), which is wider for coloured noise.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Fit
-from lostmotion.lab.shooting.continuation import Level, fitted, followed
+from lostmotion.lab.shooting.continuation import Level, fitted, followed_segments
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import FINE_STEP, Segment
@@ -35,8 +35,8 @@ __all__ = ["fit_of", "fit_segments", "refined_fit", "rms_by_column"]
 
 REFINED_STEPS = 1.0
 PROMISED = 1e-4
-"""Relative accuracy of any parameter, limited by solver and interpolated input: where impacts amplify every change, the
-noise alone would give intervals of 1e-7, narrower than the model's own errors."""
+"""Least standard deviation of z: the accuracy of the solver and of the interpolated input.  Where impacts amplify every
+change, noise alone would give intervals of 1e-7, narrower than these errors."""
 MOST_LAGS = 4096
 """Largest lag of the residual's autocovariance [samples]."""
 
@@ -44,10 +44,10 @@ MOST_LAGS = 4096
 def fit_segments(
     model: Model, experiments: Sequence[Experiment], pool: Executor, progress: Progress = lambda what, part: None
 ) -> Fit:
-    """The model with its free parameters fitted to all the experiments together.
+    """Fits the free parameters of a model to all experiments together, by multiple shooting.
 
-    progress: called with what is being done and the part that is done, 0 to 1.  Ctrl-C (KeyboardInterrupt) during the
-    refinement leaves the best so far, with ``complete`` False.
+    progress: called with what is being done and the share that is done, 0 to 1.  After Ctrl-C (KeyboardInterrupt) in
+    the growing horizon or the refinement the best fit so far is returned, with ``complete`` False.
     """
     task = Task.of(model, experiments, noise_of(experiments))
     progress("looking for the right valley", 0.0)
@@ -64,12 +64,12 @@ def fit_segments(
 
 
 def refined_fit(level: Level, task: Task) -> Fit:
-    """A level as a result, after a last refinement."""
+    """The result of a level after the last refinement."""
     return fit_of(_refined_level(level, task), task)
 
 
 def _refined_level(level: Level, task: Task) -> Level:
-    """The fit once more with a fine step, quadratic, within the bounds of the file only."""
+    """The level fitted again with a fine integration step, least squares, and the bounds of the file only."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
     model = with_range(level.model, task.experiments)
     unknowns = Unknowns.of(model)
@@ -78,7 +78,7 @@ def _refined_level(level: Level, task: Task) -> Level:
 
 
 def fit_of(level: Level, task: Task) -> Fit:
-    """A level as a result: estimates with intervals and correlations, errors by column."""
+    """The result of a level: estimates with intervals and correlations, errors by column."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
     covariance = _covariance(level, substep)
     deviation = np.sqrt(np.diag(covariance))
@@ -96,7 +96,8 @@ def fit_of(level: Level, task: Task) -> Fit:
 
 
 def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, float]:
-    """Root mean square of the residual of each column, in its unit; each segment with its r (M,) in units of noise."""
+    """Root mean square of the residual of each column, in its unit; segments: each with its residual (M,) in units of
+    the noise."""
     squares: dict[str, list[FloatArray]] = {}
     for segment, r in segments:
         at = 0
@@ -108,8 +109,8 @@ def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, f
 
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:
-    """Covariance of z (P, P), initial states eliminated; without the segments that the model misses."""
-    good = followed(level, substep_s)
+    """Covariance of z (P, P) with the initial states eliminated, from the segments that the model does not miss."""
+    good = followed_segments(level, substep_s)
     H = np.diag(1 / level.unknowns.prior**2)
     G = H.copy()  # unidentified parameters keep their prior variance
     blocks = [segment.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for segment in good]

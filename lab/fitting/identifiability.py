@@ -1,9 +1,10 @@
-"""Structural identifiability: a parameter that no recording can determine, due to a symmetry of the equations of
+"""Structural identifiability: parameters that these recordings cannot determine, due to a symmetry of the equations of
 motion.
 
-The motion of a joint that swings freely, or of a bar that rings down, is unchanged when its inertia and all forces grow
-by the same factor.  The inertia is then held at its value, and forces are relative to it.  A shaft that coasts down has
-one direction, in which dry friction is a constant torque.
+The motion of a joint that swings freely, or of a bar that rings down, does not change if its inertia and all forces
+grow by the same factor.  The inertia is then held at its value, and forces are relative to it.  A shaft that coasts
+down turns in one direction, in which dry friction is a constant torque.  Every fit holds these parameters before it
+begins.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["coasts", "free_states", "held", "is_driven", "with_free_states", "with_scale"]
 
 PLACES, ONWARD = 100, 0.9
-"""Number of places, and the share of the way between them that leads on: a turn back of a tenth is no coasting."""
+"""Number of samples of an angle, and the least share of the distance between them that leads onward: a shaft that turns
+back by a tenth does not coast."""
 
 
 def is_driven(experiment: Experiment) -> bool:
-    """Whether an input acts: one was recorded, and is not zero throughout."""
+    """Whether an input was recorded that is not zero throughout."""
     return experiment.drive is not None and bool(np.any(experiment.drive.position(experiment.time)))
 
 
@@ -62,8 +64,9 @@ def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driv
 
 
 def coasts(position: FloatArray, is_linear: bool) -> bool:
-    """Whether a shaft at these angles (N,) turns freely in one direction, too far for a spring or a weight; turns of
-    between a hundred places, as noise reverses between samples.  is_linear: the position is a length."""
+    """Whether a shaft with these angles (N,) [rad] turns in one direction, farther than a spring or a weight allows;
+    false for a length (is_linear).  The angles are compared at a hundred samples, as noise reverses between
+    neighbours."""
     position = position[np.isfinite(position)]
     steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
     way = abs(float(steps.sum()))
@@ -76,9 +79,13 @@ def held(model: Model, names: Iterable[str]) -> Model:
 
 
 def with_free_states(model: Model) -> Model:
-    """The model of a motion that no input drives, in which the initial values of an effect's free states are its
-    amplitudes: those among its parameters are held.  Nothing is there to push a joint whose weight has an angle of
-    rest: a constant torque would be the dry friction of an arm that falls in one direction."""
+    """The model for a motion that no input drives.
+
+    The initial values of an effect's free states then are its amplitudes, so that amplitudes among its parameters are
+    held.  The equilibrium of a torque with a restoring effect is determined by one parameter (``rests_by``).  Where
+    that is not the constant torque, this is held at zero: for an arm that falls in one direction it would be the dry
+    friction.
+    """
     free = [get_effect(name) for name in model.effects if get_effect(name).free_states]
     model = held(model, [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes])
     rests_by = {get_effect(name).rests_by for name in model.effects} - {""}
@@ -89,9 +96,11 @@ def with_free_states(model: Model) -> Model:
 
 
 def free_states(model: Model, is_moved: bool) -> tuple[str, ...]:
-    """The names of those states of effects with free initial values: in a motion that an input drives the lags, whose
-    states depend on what the input was before the recording, else those that only their initial values set in
-    motion."""
+    """The names of the states of effects whose initial values are fitted.
+
+    is_moved: whether an input drives the motion.  Then they are the states of lags, which depend on the input before
+    the recording; else those that only their initial values set in motion.
+    """
     effects = {
         name for name in model.effects
         if (any(one is not None for one in get_effect(name).states) if is_moved else get_effect(name).free_states)

@@ -1,7 +1,8 @@
-"""The strategy of a fit: a first rough fit near the global minimum, then the growing horizon.  No selection here.
+"""The strategy of a fit by multiple shooting: a first fit near the global minimum, then a growing horizon.
 
-The oscillator's frequency comes from the spectrum, the play from observer runs, or from a grid of values where no bar
-was measured: the play shifts every impact, so that the error has many local minima in it.
+The frequency of the bar comes from the spectrum.  The play comes from observer runs, or from a grid of values where no
+bar was measured, as it shifts every impact, so that the error has many local minima over it.  fit.py uses these
+functions for a single fit, and the likelihood of gears for the fits of a search.  No selection here.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.observer.filter import can_follow, states_at
-from lostmotion.lab.observer.global_search import nearest
-from lostmotion.lab.shooting.continuation import Level, fitted, merged, missing, residuals
+from lostmotion.lab.observer.global_search import search_parameters
+from lostmotion.lab.shooting.continuation import Level, are_missed, fitted, merged, residuals
 from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns, free_names
 from lostmotion.lab.shooting.segment import Segment
@@ -27,20 +28,20 @@ from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "begun",
     "best_of",
     "doubled",
     "first_fit",
     "full_fit",
     "grown",
-    "nearest_fit",
-    "passed",
+    "observed_states",
+    "observer_fit",
     "predictable",
     "refined",
     "repaired_fit",
-    "seeded",
-    "started",
-    "subset",
+    "some_tiles",
+    "unfitted",
+    "with_bar_frequency",
+    "with_initial_states",
 ]
 
 PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
@@ -48,11 +49,11 @@ DAMPING_SHARE = (1.0, 0.4)
 FREQUENCY_SHARE = 0.12
 SUBSET = 10
 CONVERGED = 0.3
-"""Largest change with half the integration step, in units of the noise."""
+"""Largest change of a residual with half the integration step, in units of the noise, at which it has converged."""
 DISTURBANCE = 1e-4
 CHAOTIC = 4.0
-"""Disturbance of the initial state, as a share of its scale, and the change, in units of the noise, above which a
-segment is chaotic."""
+"""Disturbance of an initial state, in units of its scale, and the change of the residual by it, in units of the noise,
+above which a segment is chaotic."""
 LONGEST_S = 1.01
 DOUBTED_SHARE = 0.3
 SCANNED = 4
@@ -61,9 +62,9 @@ SEEDS = 2
 POLISHED = 5
 
 
-def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model with the bar's frequency from the spectrum, where its acceleration was measured and its stiffness is
-    free."""
+def with_bar_frequency(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model with the stiffness of the bar from the frequency of its strongest spectral line, where the acceleration
+    was measured and the stiffness is free."""
     ringing = [one for one in experiments if ACCEL in one.measured]
     if not ringing or "k" not in free_names(model):
         return model
@@ -74,78 +75,85 @@ def seeded(model: Model, experiments: Sequence[Experiment]) -> Model:
     return model.replace({"k": min(max(stiffness, k.low), k.high)})
 
 
-def subset(task: Task) -> list[Experiment]:
-    """A sample of the shortest segments, spread over the experiments."""
+def some_tiles(task: Task) -> list[Experiment]:
+    """At most ``SUBSET`` of the shortest segments, spread evenly over the experiments."""
     every = task.tiles
     return [every[i] for i in np.unique(np.linspace(0, len(every) - 1, min(SUBSET, len(every))).astype(int))]
 
 
-def started(model: Model, segments: Sequence[Experiment], task: Task) -> Level:
-    """The segments with their start states found, nothing else fitted."""
-    found = begun(model, segments, passed(model, segments, task.experiments, task), task)
+def unfitted(model: Model, segments: Sequence[Experiment], task: Task) -> Level:
+    """A level with estimated initial states of these segments, and the parameters of the model as they are."""
+    found = with_initial_states(model, segments, observed_states(model, segments, task.experiments, task), task)
     return fitted(model, Unknowns.of(model, task.rough), found, task.substep_s, iterations=0)
 
 
-Likely = Mapping[tuple[str, float], FloatArray]
-"""Likely start states (K, n), by the experiment's name and the time [s]."""
+StateGuesses = Mapping[tuple[str, float], FloatArray]
+"""Guesses of initial states (K, n), by the name of the experiment and the time [s]."""
 
 
-def passed(model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task) -> Likely:
-    """The states of observer runs at the starts of the pieces; none without a bar."""
-    likely: dict[tuple[str, float], FloatArray] = {}
+def observed_states(
+    model: Model, pieces: Sequence[Experiment], experiments: Sequence[Experiment], task: Task
+) -> StateGuesses:
+    """The states of observer runs over the experiments at the starts of these pieces; none where no bar was
+    measured."""
+    guesses: dict[tuple[str, float], FloatArray] = {}
     for experiment in experiments:
         if can_follow(model, experiment):
             times = np.array([float(p.time[0]) for p in pieces if p.name == experiment.name])
             states = states_at(model, experiment, times, task.substep_s)
-            likely |= {(experiment.name, time): found for time, found in states.items()}
-    return likely
+            guesses |= {(experiment.name, time): found for time, found in states.items()}
+    return guesses
 
 
-def begun(model: Model, pieces: Sequence[Experiment], likely: Likely, task: Task) -> tuple[Segment, ...]:
-    """Segments with their start states: a likely one, where it fits; else from a scan."""
+def with_initial_states(
+    model: Model, pieces: Sequence[Experiment], guesses: StateGuesses, task: Task
+) -> tuple[Segment, ...]:
+    """The segments of these pieces with estimated initial states: from a guess, or from a scan where there is none or
+    where the model misses the segment with it."""
     segments = [segment_of(model, piece, task.noise) for piece in pieces]
-    found = [_near(model, s, likely.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in segments]
-    missed = missing(model, found, task.substep_s) if likely else np.zeros(len(found), dtype=bool)
+    found = [_near(model, s, guesses.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in segments]
+    missed = are_missed(model, found, task.substep_s) if guesses else np.zeros(len(found), dtype=bool)
     return tuple(find_start(model, s, task.substep_s, [s.start]) if out else s
                  for s, out in zip(found, missed, strict=True))  # fmt: skip
 
 
-def _near(model: Model, segment: Segment, likely: FloatArray | None, task: Task) -> Segment:
-    if likely is None:
+def _near(model: Model, segment: Segment, guesses: FloatArray | None, task: Task) -> Segment:
+    if guesses is None:
         return find_start(model, segment, task.substep_s)
     own = segment.experiment.model(model)
-    return segment.starting(polished(own, segment, likely, task.substep_s, POLISHED)[0])
+    return segment.starting(polished(own, segment, guesses, task.substep_s, POLISHED)[0])
 
 
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:
-    """The best fit on the shortest segments; for gears from the minimum of observer runs, or from a grid of plays and
-    dampings."""
-    model = seeded(model, task.experiments)
+    """The best fit on the shortest segments.  It begins at the minimum of the prediction error of observers where the
+    acceleration of a bar was measured, else, for gears, on a grid of plays and dampings."""
+    model = with_bar_frequency(model, task.experiments)
     if can_follow(model, *task.experiments):
-        return best_of(pool.map(partial(nearest_fit, model, task), range(SEEDS)), 1)[0]
-    scanned = best_of(pool.map(partial(started, segments=subset(task), task=task), _grid(model)), SCANNED)
+        return best_of(pool.map(partial(observer_fit, model, task), range(SEEDS)), 1)[0]
+    scanned = best_of(pool.map(partial(unfitted, segments=some_tiles(task), task=task), _grid(model)), SCANNED)
     rough = best_of(pool.map(partial(refined, task=task), scanned), KEPT)
     return best_of(pool.map(partial(full_fit, task=task), [level.model for level in rough]), 1)[0]
 
 
-def nearest_fit(model: Model, task: Task, seed: int) -> Level:
-    """The fit on all short segments from the minimum of observer runs, beginning with the model's values."""
-    return full_fit(nearest(model, task, seed), task)
+def observer_fit(model: Model, task: Task, seed: int) -> Level:
+    """The fit on all of the shortest segments that begins at the minimum of the prediction error of observers."""
+    return full_fit(search_parameters(model, task, seed), task)
 
 
 def refined(level: Level, task: Task, iterations: int = 8) -> Level:
-    """A few steps from a level's values."""
+    """The level after a few more steps from its values."""
     return fitted(level.model, level.unknowns, level.segments, task.substep_s, iterations=iterations)
 
 
 def best_of(levels: Iterable[Level], count: int) -> list[Level]:
-    """Those with the smallest typical error, best first."""
+    """The ``count`` levels with the smallest typical errors, best first."""
     return sorted(levels, key=lambda level: level.typical)[:count]
 
 
 def full_fit(model: Model, task: Task, max_missed: float = 1.0) -> Level:
-    """A fit on all of the shortest segments; initial states of missed ones are searched for again."""
-    level = started(model, task.tiles, task)
+    """A fit on all of the shortest segments, from the values of the model.  The initial states of segments that it
+    misses are then searched for again, unless their share exceeds ``max_missed``."""
+    level = unfitted(model, task.tiles, task)
     level = fitted(model, level.unknowns, level.segments, task.substep_s)
     again = repaired(level.model, level.segments, task.substep_s, max_missed)
     return level if again == level.segments else fitted(level.model, level.unknowns, again, task.substep_s)
@@ -154,16 +162,17 @@ def full_fit(model: Model, task: Task, max_missed: float = 1.0) -> Level:
 def repaired_fit(
     model: Model, unknowns: Unknowns, segments: Sequence[Segment], task: Task, max_missed: float = 1.0
 ) -> Level:
-    """The fit from these initial states; those of missed segments are searched for again."""
+    """The fit from the initial states of these segments, after those of missed segments were searched for again, unless
+    their share exceeds ``max_missed``."""
     again = repaired(model, segments, task.substep_s, max_missed)
     return fitted(model, unknowns, again, task.substep_s)
 
 
 def grown(level: Level, task: Task) -> Level:
-    """The fit on segments twice as long, and so on; the longest of these levels that can be trusted.
+    """The fits on segments twice as long, and so on; the longest of these levels that is reliable.
 
-    Trusted: hardly a segment is missed, and half the integration step changes nothing.  For chaotic motion neither
-    holds on long segments.
+    It is reliable if few segments are missed, and if neither half the integration step nor a small disturbance of the
+    initial state changes their residuals.  For chaotic motion this does not hold on long segments.
     """
     found = [level]
     while (longer := doubled(found[-1], task)) is not None:
@@ -175,8 +184,8 @@ def grown(level: Level, task: Task) -> Level:
 
 
 def doubled(level: Level, task: Task, max_missed: float = 1.0) -> Level | None:
-    """The fit on segments twice as long, from where this one ended; None where there are none, or the motion
-    diverges."""
+    """The fit on segments twice as long that begins at the values of a level; None where the segments are whole
+    experiments."""
     segments = _doubled(level.segments, task)
     return repaired_fit(level.model, level.unknowns, segments, task, max_missed) if segments else None
 
@@ -187,7 +196,8 @@ def _doubled(segments: Sequence[Segment], task: Task) -> tuple[Segment, ...]:
 
 
 def predictable(level: Level, task: Task) -> float:
-    """Longest segments, up to a second, over which the motion is not chaotic [s]: these distinguish models best."""
+    """The length of the longest segments, up to a second, over which the motion is not chaotic [s].  Segments of this
+    length distinguish models best."""
     segments, horizon = level.segments, level.horizon_s
     while segments := _doubled(segments, task):
         longer = max(segment.experiment.duration for segment in segments)
@@ -198,14 +208,15 @@ def predictable(level: Level, task: Task) -> float:
 
 
 def _doubt(level: Level, task: Task) -> float:
-    """Share of the segments that are missed, not converged or chaotic; up to a tenth of them count as none."""
-    missed = missing(level.model, level.segments, task.substep_s)
+    """The share of the segments that are missed, have not converged with the integration step, or are chaotic; 0 for up
+    to a tenth of them."""
+    missed = are_missed(level.model, level.segments, task.substep_s)
     share = float(np.mean(missed | _unpredictable(level.model, level.segments, task)))
     return share if share > 0.1 else 0.0
 
 
 def _unpredictable(model: Model, segments: Sequence[Segment], task: Task) -> NDArray[np.bool_]:
-    """Which segments are changed by half the integration step or by a small disturbance of their start (S,)."""
+    """Which segments (S,) change with half the integration step or with a small disturbance of their initial state."""
     fine = coarse_substep(model, task.experiments, 1.0)
     here, halved = residuals(model, segments, fine), residuals(model, segments, fine / 2)
     apart = residuals(
@@ -222,6 +233,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def _grid(model: Model) -> list[Model]:
+    """Models on a grid of plays and dampings, those that are free, around the values of the model."""
     if model.base != "play":
         return [model]
     free = free_names(model)

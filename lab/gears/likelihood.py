@@ -18,7 +18,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import RANGE, at_its_rail
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import fit_of
-from lostmotion.lab.fitting.strategy import grown, started, subset
+from lostmotion.lab.fitting.strategy import grown, some_tiles, unfitted
 from lostmotion.lab.gears.score_test import Scores, score_test
 from lostmotion.lab.gears.trials import (
     FEW_STEPS,
@@ -109,7 +109,7 @@ class ShortSegments:
         return SegmentFit(level, self.short, self.unseen.judge(level.model), self._floor(self.short))
 
     def _floor(self, short: Level) -> float:
-        return max(started(short.model, subset(self.task), self.task).typical, 1.0)
+        return max(unfitted(short.model, some_tiles(self.task), self.task).typical, 1.0)
 
     def firsts(self, added: tuple[str, ...]) -> int:
         """One: a step takes up to a minute."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import fit_autoregression
-from lostmotion.lab.shooting.continuation import Level, followed
+from lostmotion.lab.shooting.continuation import Level, followed_segments
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with
 from lostmotion.model import Model
@@ -75,7 +75,7 @@ def score_test(
     level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
 ) -> Scores:
     """Tests effects on a fit, without its missed segments."""
-    segments = followed(level, substep_s)
+    segments = followed_segments(level, substep_s)
     linearised = partial(Segment.linearised, model=level.model, unknowns=level.unknowns, z=level.z, substep_s=substep_s)
     every = list(pool.map(linearised, segments))
     segments = [segment for segment, block in zip(segments, every, strict=True) if block.finite]

@@ -19,7 +19,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.fitting.strategy import doubled, full_fit, refined, repaired_fit
 from lostmotion.lab.gears.score_test import Direction
 from lostmotion.lab.gears.unseen import LONGER
-from lostmotion.lab.observer.global_search import shortlist
+from lostmotion.lab.observer.global_search import search_effects
 from lostmotion.lab.selection.nesting import in_place, others
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_state import repaired
@@ -73,7 +73,7 @@ def full_trials(near: Sequence[Trial], effect: str, task: Task, pool: Executor) 
 
 def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Trial]:
     """Fits on all short segments with those of the effects of least prediction error of observers; best first."""
-    return full_fits([(one.effect, one.model) for one in shortlist(base, effects, task, pool)], task, pool)
+    return full_fits([(one.effect, one.model) for one in search_effects(base, effects, task, pool)], task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:

@@ -16,7 +16,7 @@ from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.whiteness import is_structured
 from lostmotion.lab.fitting.fit import rms_by_column
-from lostmotion.lab.fitting.strategy import begun, passed
+from lostmotion.lab.fitting.strategy import observed_states, with_initial_states
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.shooting.continuation import merged, residuals, tiles
 from lostmotion.lab.shooting.initial_state import polished, repaired
@@ -137,12 +137,12 @@ def _judged_on(unseen: Unseen, model: Model, *others: Judged) -> Judged:
         if np.all(judged.errors < policy.LOST):
             return judged
     pieces = tiles(whole, halvings)
-    likely = passed(model, pieces, [whole], task)
-    segments = repaired(model, begun(model, pieces, likely, task), step)
+    guesses = observed_states(model, pieces, [whole], task)
+    segments = repaired(model, with_initial_states(model, pieces, guesses, task), step)
     while halvings > 0 and whole.duration / 2 ** (halvings - 1) <= horizon_s * LONGER:
         halvings -= 1
         segments = repaired(model, merged(segments, [whole], halvings), step)
-        also = [likely.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
+        also = [guesses.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
         segments = tuple(_polished(model, segment, state, step) for segment, state in zip(segments, also, strict=True))
     return Judged(model, tuple(residuals(model, segments, step)), tuple(segments))
 

@@ -10,7 +10,7 @@ analysis looks at one mode at a time, within its band, and leaves the others to 
 sections 4.2 and 4.4).  The bar of the model has one mode, and the catalogue has a second one; an accelerometer on a
 struck beam feels a dozen, which in the first tenths of a second are as large as these.
 
-Both are applied before any fit (explain.py of the lab).
+Both are applied before any fit of a search (lab/explanation.py).
 """
 
 from __future__ import annotations

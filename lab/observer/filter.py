@@ -1,8 +1,9 @@
-"""Observers of gears: simulations that are corrected by every sample of the measurement; prediction errors and states.
+"""Observers of gears: simulations that are corrected by every sample of the bar's acceleration.
 
-An innovation of the bar is attributed to a jump of the joint's speed: the gain is the stationary Kalman gain of the bar
-for jumps of omega_2 at every sample, which act on q' and, by -1/l, on omega_2 itself.  Such a jump means that the teeth
-struck earlier than in the model, and the joint's angle is corrected for the difference in time.  No fitting here.
+An innovation is attributed to a jump of the speed of the joint.  The gain on the bar is its stationary Kalman gain for
+jumps of q' at every sample; a jump of q' by x is one of omega_2 by -x/l.  Such a jump means that the teeth struck
+earlier than in the model, and the angle of the joint is corrected for the difference in time.  The prediction errors
+are the objective of the global search (objective.py), and the states are initial states of segments.  No fitting here.
 """
 
 from __future__ import annotations
@@ -22,27 +23,30 @@ from lostmotion.model.observer import UNLIMITED, Budget
 __all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Observer", "can_follow", "sampled", "states_at"]
 
 TIGHT, STRONG, WEAK = 1.0, 0.3, 0.1
-"""Standard deviation of the excitation of the bar at every sample, in units of the noise."""
+"""High, medium and low gain: the standard deviation of the excitation of the bar at every sample, in units of the
+noise."""
 JOINT = (("theta_2", "omega_2"), ("shaft_compliance.0", "shaft_compliance.1"))
-"""Angle and speed of the joint, and of its gear where a compliant shaft connects them: an impact moves both."""
+"""The states that an impact changes: angle and speed of the joint, and of its gear where a compliant shaft connects
+them."""
 EARLIER_S = 1.5e-3
-"""Time by which impacts are assumed to be early or late in the model: the errors of 39 right models with the gain
+"""Time by which impacts are assumed to be early or late in the model [s].  The errors of 39 right models with the gain
 ``STRONG`` are smallest at 1 to 2 ms, a tenth below those at 0."""
 SETTLED_S = 0.2
-"""Settling time of an observer from an unknown initial state."""
+"""Settling time of an observer from an unknown initial state [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """gain: (2,) on q and q'; expected: standard deviation of the innovation, in units of the noise."""
+    """gain: on q and q' (2,); expected: standard deviation of the innovations for the right model, in units of the
+    noise."""
 
     gain: FloatArray
     expected: float
 
     @classmethod
     def of(cls, model: Model, spacing_s: float, coupling: float) -> Observer:
-        """The observer from the bar's Riccati equation; coupling/w: standard deviation of the jumps of q' at each
-        sample."""
+        """The observer from the Riccati equation of the bar for samples every ``spacing_s`` [s].  The jumps of q' have
+        the standard deviation coupling/w, w being the bar's natural frequency [rad/s]."""
         from scipy.linalg import expm, solve_discrete_are
 
         k, b, m = (model.parameters[name].value for name in "kbm")
@@ -73,19 +77,20 @@ class Observer:
 
 
 def can_follow(model: Model, *experiments: Experiment) -> bool:
-    """Whether the bar's acceleration was measured in all of these, on gears."""
+    """Whether the model is one of gears, and the bar's acceleration was measured in all of these experiments."""
     return model.base == "play" and all(ACCEL in experiment.measured for experiment in experiments)
 
 
 def sampled(experiment: Experiment) -> Experiment:
-    """The experiment at the samples of the bar; a servo is read at other times."""
+    """The experiment with the bar's acceleration only, at its samples; other columns are sampled at other times."""
     values = experiment.measured[ACCEL]
     rows = ~np.isnan(values)
     return replace(experiment, time=experiment.time[rows], measured={ACCEL: values[rows]})
 
 
 def states_at(model: Model, experiment: Experiment, times: FloatArray, substep_s: float) -> Mapping[float, FloatArray]:
-    """Likely states (2, n) at those of the times [s] at which a run has settled, with the high and the low gain."""
+    """The states (2, n) of runs with medium and low gain at those of the times [s] at which the runs have settled, by
+    time."""
     own, bar = experiment.model(model), sampled(experiment)
     try:
         runs = [Observer.of(own, 1 / bar.rate_hz, coupling).run(own, bar, substep_s)[1] for coupling in (STRONG, WEAK)]
@@ -101,7 +106,8 @@ def states_at(model: Model, experiment: Experiment, times: FloatArray, substep_s
 
 
 def _moved_on(model: Model, bar: Experiment, last: int, state: FloatArray, time: float) -> FloatArray:
-    """The state at a time between two samples of the bar, from that at the last one."""
+    """The state (n,) at a time [s] between two samples of the bar, by simulation from the state at the sample
+    ``last``."""
     since = float(bar.time[last])
     if time - since < 1e-9 or not np.isfinite(state).all():
         return state

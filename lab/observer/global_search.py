@@ -1,8 +1,9 @@
-"""Global search for parameters and effects of gears by the prediction error of observers.  No selection here.
+"""Global search for parameters and effects of gears by the prediction error of observers.
 
-The error of a free simulation of gears has a local minimum for every confusion of impacts; that of an observer has
-hardly any.  Its prediction error is a smooth function of play, damping and effects, minimised by differential evolution
-(Storn and Price 1997), first with a high gain and then with a lower one.
+The error of a free simulation of gears has a local minimum for every way in which impacts can be confused; the
+prediction error of an observer has hardly any.  It is a smooth function of play, damping and effects, and is minimised
+by differential evolution (Storn and Price 1997), first with a medium gain and then with a low one.  Fits on short
+segments begin at its minima (fitting/strategy.py, gears/trials.py).  No selection here.
 """
 
 from __future__ import annotations
@@ -29,18 +30,18 @@ from lostmotion.model import Model
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Optimum", "nearest", "shortlist"]
+__all__ = ["Optimum", "search_effects", "search_parameters"]
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
-"""Size of the first population; for effects with many initial guesses the number around each, up to a limit; size of
-the later population."""
+"""Least size of the first population; its size for each initial guess of an effect with many of them, and its largest
+size; size of the later populations."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
-"""Standard deviations of a first population, in logarithms."""
+"""Standard deviations of the logarithms of parameters in a first population."""
 BIAS_WIDTH = 0.05  # m/s²
 EFFECT_WIDTH = 0.4
 SURE = 0.2
-"""Share of these widths around fitted values."""
+"""Share of these widths for members around fitted values."""
 LARGER = 4.0
 DIFFERENTIAL_WEIGHT, CROSSOVER = 0.6, 0.9
 MUTATED, FARTHEST = 0.5, 3
@@ -50,15 +51,16 @@ NICHES, NICHES_LEFT = 4, 2
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """A model from the search, its cost (see ``_cost``), and the effect that it adds to the base."""
+    """A model from the search, its cost (see ``_cost``), and the effect that it has beyond the model of the file."""
 
     model: Model
     cost: float
     effect: str = ""
 
 
-def nearest(model: Model, task: Task, seed: int = 0) -> Model:
-    """The model with the free parameters that minimise the prediction error of observers."""
+def search_parameters(model: Model, task: Task, seed: int = 0) -> Model:
+    """The model with those values of its free parameters that minimise the prediction error of observers; seed: of the
+    differential evolution."""
     model = _with_bias(model, task)
     follower = Follower.of(task, model)
     found = _Population(follower, [model], seed)
@@ -67,17 +69,17 @@ def nearest(model: Model, task: Task, seed: int = 0) -> Model:
     return found.best("").model
 
 
-def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Optimum]:
-    """The effects with the least prediction error of observers, best first; one with a whole number, and so distant
-    local minima, may occur twice.  None where there is no time for it, or the bar was not measured.
+def search_effects(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Optimum]:
+    """The effects with the least prediction errors of observers, with their models, best first.
 
-    base: the fit without them; initial guesses of an effect's parameters are combined with its values and with the
-    file's.
+    base: the fit without them, with whose values, and those of the file, the initial guesses of the effects are
+    combined.  An effect with a whole number may occur twice, as its local minima are far from each other.  Returns none
+    where the time is up or no bar was measured.
     """
     if is_over() or not can_follow(task.rough, *task.experiments):
         return []
     follower, size = _follower(base.model, task), scales_of(base.model, base.segments, task.substep_s)
-    begin = partial(_begun, base=base.model, follower=follower.roughly(), size=size)
+    begin = partial(_begun, base=base.model, follower=follower.with_more_noise(), size=size)
     niches = zip(effects, pool.map(begin, effects), strict=True)
     begun = [(population, effect) for effect, found in niches for population in found]
     best = _leading(begun, policy.FINISHED, NICHES)
@@ -88,18 +90,19 @@ def shortlist(base: Level, effects: Sequence[str], task: Task, pool: Executor) -
 
 
 def _cost(follower: Follower, model: Model) -> float:
-    """The geometric mean of the costs of observers with a high and a low gain.  With the low gain even the right model
-    may diverge where a wrong one happens not to."""
+    """The geometric mean of the costs of observers with the medium and the low gain.  With the low gain alone the right
+    model may diverge where a wrong one happens not to."""
     return math.sqrt(follower.cost(model, STRONG) * follower.cost(model, WEAK))
 
 
 def _follower(model: Model, task: Task) -> Follower:
+    """The objective around a model, with the values of the file for the parameters of the base."""
     given = {name: p.value for name, p in task.rough.parameters.items()}
     return Follower.of(task, _with_bias(model.replace(given), task))
 
 
 def _with_bias(model: Model, task: Task) -> Model:
-    """The model with the sensor's offset set to the mean reading, where it is free."""
+    """The model with the bias of the sensor set to the mean reading, where it is free."""
     bias = model.parameters["bias"]
     if bias.fixed:
         return model
@@ -108,9 +111,10 @@ def _with_bias(model: Model, task: Task) -> Model:
 
 
 class _Population:
-    """A population of differential evolution (current-to-pbest): models and their costs.
+    """A population of differential evolution (current-to-pbest/1; Zhang and Sanderson 2009): models and their costs.
 
-    A mutant takes whole numbers from its target, or neighbouring ones.
+    Whole numbers are taken from one of the best members, and mutated by small steps.  sure: for each initial model,
+    whether its values are those of a fit.
     """
 
     def __init__(self, follower: Follower, models: Sequence[Model], seed: int, sure: Sequence[bool] = ()) -> None:
@@ -127,7 +131,7 @@ class _Population:
         self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
 
     def _first_costs(self, models: Sequence[Model], z: FloatArray) -> FloatArray:
-        """The costs of a first population (K,), exact for those of its best that will be kept."""
+        """The costs of a first population (K,), exact for its best members, which will be kept."""
         costs = np.full(len(models), math.inf)
         best: list[float] = []
         for i, model in enumerate(models):
@@ -137,23 +141,23 @@ class _Population:
         return costs
 
     def best(self, effect: str) -> Optimum:
-        """The best member."""
+        """The member with the least cost; effect: the one that it has beyond the model of the file."""
         best = int(np.argmin(self.costs))
         model = self._unknowns.put(self._models[best], self._z[best])
         return Optimum(model, _cost(self._follower, model), effect)
 
     def evolve_low_gain(self) -> None:
-        """Evolves some more generations with the low gain."""
+        """Evaluates the population with the low gain, and evolves it by some more generations."""
         self.judge_by(self._follower, WEAK)
         self.evolve(FINAL_GENERATIONS)
 
     def judge_by(self, follower: Follower, coupling: float = STRONG) -> None:
-        """Sets the cost function and evaluates the population."""
+        """Sets the objective and the gain, and evaluates the population."""
         self._follower, self._coupling = follower, coupling
         self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
 
     def evolve(self, generations: int) -> None:
-        """Differential evolution, current to p-best."""
+        """Evolves the population by so many generations, or until the time is up."""
         random, z, size = self._random, self._z, len(self._z)
         for _ in range(generations):
             if is_over():
@@ -170,7 +174,7 @@ class _Population:
                     self._models[i], z[i], self.costs[i] = model, trial, cost
 
     def _mutated(self, model: Model) -> Model:
-        """The model with its whole numbers mutated by a little."""
+        """The model, in half of the calls with its whole numbers changed by at most ``FARTHEST``."""
         if not self._whole or self._random.random() > MUTATED:
             return model
         values = {name: model.parameters[name] for name in self._whole}
@@ -182,12 +186,13 @@ class _Population:
         return self._follower.cost(self._unknowns.put(model, z), self._coupling, most)
 
     def _spread(self) -> FloatArray:
-        """Standard deviations in z (P,): prior ones of the base, half the size of an effect."""
+        """Standard deviations of z in a first population (P,): ``WIDTH`` for the base, ``EFFECT_WIDTH`` for effects."""
         items = self._unknowns.items
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
 def _begun(effect: str, base: Model, follower: Follower, size: MotionScales) -> list[_Population]:
+    """Populations of a model with one more effect after some generations, one for each niche."""
     models = [base.with_effect(effect), follower.rough.with_effect(effect)]
     found = _values(models[0], effect, [size, replace(size, torque=LARGER * size.torque)])
     populations = []
@@ -199,7 +204,7 @@ def _begun(effect: str, base: Model, follower: Follower, size: MotionScales) -> 
 
 
 def _values(model: Model, effect: str, wide: Sequence[MotionScales]) -> list[dict[str, float]]:
-    """Initial guesses of the effect at these scales, of either sign."""
+    """Initial guesses of the effect at each of these scales, with either sign; wide: the scales."""
     found: list[dict[str, float]] = []
     for one in wide:
         found += [values for values in initial_guesses(model, effect, one) if values not in found]
@@ -207,7 +212,7 @@ def _values(model: Model, effect: str, wide: Sequence[MotionScales]) -> list[dic
 
 
 def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, float]]]:
-    """Divides the values into niches by their whole number, if there is one."""
+    """The guesses in niches of neighbouring whole numbers, or in one niche where there is no whole number."""
     whole = [name for name in found[0] if model.parameters[name].domain.is_whole]
     if not whole:
         return [found]
@@ -217,7 +222,7 @@ def _niches(model: Model, found: list[dict[str, float]]) -> list[list[dict[str, 
 
 
 def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
-    """The values with the opposite sign, where that is allowed; angles and whole numbers are unchanged."""
+    """Those values of an effect, with the opposite sign, whose bounds allow it; none of angles."""
     may = {name for name in values if -values[name] >= model.parameters[name].low and values[name] > 0}
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
@@ -225,7 +230,7 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
 def _leading(
     populations: list[tuple[_Population, str]], effects: int, niches: int
 ) -> list[tuple[_Population, str]]:  # fmt: skip
-    """The populations of so many best effects, and so many of each, best first."""
+    """The populations of the best ``effects`` effects, at most ``niches`` of each, best first."""
     of_effect: dict[str, list[tuple[_Population, str]]] = {}
     for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
         of_effect.setdefault(pair[1], []).append(pair)
@@ -233,11 +238,13 @@ def _leading(
 
 
 def _further(population: _Population, follower: Follower) -> _Population:
+    """The population after more generations on all segments."""
     population.judge_by(follower)
     population.evolve(FINAL_GENERATIONS)
     return population
 
 
 def _finished(population: _Population, effect: str) -> Optimum:
+    """The best member of a population after its last generations, with the low gain."""
     population.evolve_low_gain()
     return population.best(effect)

@@ -1,4 +1,7 @@
-"""The objective function of searches with observers: segments of the measurement, and prediction errors on them."""
+"""The objective of searches with observers: their prediction errors on some segments of the measurement.
+
+The global search (global_search.py) and the descriptions of unknown functions (discrepancy/fit.py) minimise it.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,11 @@ __all__ = ["OUTSIDE", "Follower", "settled"]
 
 LENGTH_S, EXPERIMENTS = 2.0, 2
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
-"""Largest number of samples a second, or in a period of the bar."""
+"""Samples a second, and samples in a period of the bar, above which segments are decimated."""
 SHORTEST_STEP_S = 2.5e-4
 """Shortest integration step [s]: the next sample corrects the errors of a longer one."""
 ROUGH = 0.03
-"""Least unit of errors in ``roughly``, as a share of the signal's standard deviation."""
+"""Least noise in ``with_more_noise``, as a share of the standard deviation of the signal."""
 OUTSIDE, FAR = 3.0, 1e6
 """Errors, in units of the expected one, above which the cost is logarithmic; and the square at which it is clipped."""
 ROUNDING = 1e-9
@@ -32,7 +35,11 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """Segments to predict; noise [m/s²]; observers: by coupling."""
+    """The prediction errors of observers.
+
+    rough: the model with whose bar the gains were computed; segments: what is predicted; noise: of the acceleration
+    [m/s²]; substep_s: integration step [s]; observers: by coupling.
+    """
 
     rough: Model
     segments: tuple[Experiment, ...]
@@ -42,7 +49,7 @@ class Follower:
 
     @classmethod
     def of(cls, task: Task, rough: Model) -> Follower:
-        """The segments of the first experiments in which the signal changes most."""
+        """The objective on those two seconds of each of the first experiments in which the reading changes most."""
         value = {name: p.value for name, p in rough.parameters.items()}
         hz = max(LEAST_HZ, PERIOD_SAMPLES * math.sqrt(value["k"] / value["m"]) / (2 * math.pi))
         segments = tuple(_window(e, hz) for e in task.experiments[:EXPERIMENTS])
@@ -52,12 +59,12 @@ class Follower:
         return cls(rough, segments, task.noise[ACCEL], max(task.substep_s, SHORTEST_STEP_S), observers)
 
     def alone(self) -> Follower:
-        """The first segment only."""
+        """The objective on the first segment only."""
         return replace(self, segments=self.segments[:1])
 
-    def roughly(self) -> Follower:
-        """The first segment only, errors at least in units of a share of the signal: with little noise the cost of
-        distant models is too flat to be minimised."""
+    def with_more_noise(self) -> Follower:
+        """The objective on the first segment with a noise of at least a share of the signal, as with little noise the
+        cost of distant models is too flat to be minimised."""
         usual = float(np.std(self.segments[0].measured[ACCEL]))
         return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
@@ -106,5 +113,5 @@ def _window(experiment: Experiment, hz: float) -> Experiment:
 
 
 def settled(segment: Experiment) -> slice:
-    """The samples after the settling time of an observer."""
+    """The samples of a segment after the settling time of an observer."""
     return slice(int(np.searchsorted(segment.time, segment.time[0] + SETTLED_S)), None)

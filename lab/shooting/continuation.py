@@ -1,8 +1,9 @@
-"""Fitting on a growing horizon: many short segments first, then half as many of twice the length, up to the whole.
+"""Multiple shooting on a growing horizon: fits on many short segments, then on half as many of twice the length, and so
+on up to whole recordings.
 
-The error of a long free simulation of gears has a local minimum for every confusion of impacts; that of half a second
-has hardly any.  Each level begins with the result of the one before.  least_squares.py minimises; there is no search
-here.
+The error of a long free simulation of gears has a local minimum for every way in which impacts can be confused; that of
+half a second has hardly any.  Each level begins with the result of the level before.  The minimiser is
+least_squares.py; the order of the fits is fitting/strategy.py.
 """
 
 from __future__ import annotations
@@ -25,29 +26,32 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "Level",
+    "are_missed",
     "errors",
     "first_level",
     "fitted",
-    "followed",
+    "followed_segments",
     "merged",
-    "missing",
     "residuals",
     "tiles",
 ]
 
 FIRST_S = {"play": 0.25, "joint": 1.0, "servo": 0.75}
-"""Length of the first segments [s] where the motion is chaotic, drifts, or may stick at the wrong place."""
+"""By base, the largest length of the shortest segments [s], where the motion is chaotic, drifts, or may stick at the
+wrong place."""
 FIRST_SAMPLES = 1024
-"""The same for other motions: short enough that a part of them is representative."""
-OUTSIDE = 2.0  # medians of |r|: further out a residual counts by its magnitude
-LEAST_HUBER = 3.0
+"""The same for other bases, in samples: a sample of such segments is representative."""
+OUTSIDE, LEAST_HUBER = 2.0, 3.0
+"""Bound of Huber's cost, in medians of |r|, and its least value, in units of the noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A fit with segments of one length: the model, the initial states, the size of r (in units of the noise).
+    """A fit on segments of one length.
 
-    rms: root mean square over all; typical: 1.48 medians of |r|, which is robust to a few missed segments.
+    model: with the fitted values; unknowns, z: the free parameters and the vector of their values (P,); segments: with
+    their fitted initial states; rms: root mean square of all residuals r, in units of the noise; typical: 1.48 times
+    the median of |r|, which is robust to a few missed segments.
     """
 
     model: Model
@@ -64,20 +68,21 @@ class Level:
 
 
 def first_level(base: str, experiment: Experiment) -> int:
-    """How often to halve the record for the first segments."""
+    """How often to halve an experiment to get segments of the shortest length."""
     first = FIRST_S.get(base, FIRST_SAMPLES / experiment.rate_hz)
     return max(0, math.ceil(math.log2(max(experiment.duration / first, 1.0)) - 0.2))
 
 
 def tiles(experiment: Experiment, halvings: int) -> list[Experiment]:
-    """The record in 2^halvings segments of equal length."""
+    """An experiment in 2^halvings segments of equal length."""
     edges = np.linspace(experiment.time[0], experiment.time[-1], 2**halvings + 1)
     edges[-1] += 1.0
     return [experiment.between(a, b) for a, b in itertools.pairwise(edges)]
 
 
 def merged(segments: Sequence[Segment], experiments: Sequence[Experiment], halvings: int) -> tuple[Segment, ...]:
-    """Segments of 2^halvings a record, each with the initial state of the shorter one that began there."""
+    """The experiments in 2^halvings segments each, with the initial states of the shorter segments that begin at the
+    same time."""
     known = {(s.experiment.name, float(s.experiment.time[0])): s for s in segments}
     longer = []
     for experiment in experiments:
@@ -88,7 +93,7 @@ def merged(segments: Sequence[Segment], experiments: Sequence[Experiment], halvi
 
 
 def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
-    """r of each segment, in units of the noise."""
+    """The residual r of each segment (M_i,), in units of the noise."""
     return [s.residual(s.experiment.model(model), s.start, substep_s) for s in segments]
 
 
@@ -108,12 +113,14 @@ def fitted(
     iterations: int = 15,
     quadratic: bool = False,
 ) -> Level:
-    """One level: minimises from the model's values and the segments' start states.
+    """Fits the parameters and the initial states of all segments, from the values of the model and of the segments.
 
-    Segments of gears that the model misses, due to a wrong initial state, have no weight in the parameters.
+    substep_s: integration step [s]; iterations: largest number of steps; quadratic: whether the cost is the sum of
+    squares, not Huber's.  Segments of gears that the model misses, due to a wrong initial state, have no weight in the
+    parameters.
     """
     z = unknowns.z(model)
-    missed = missing(model, segments, substep_s)
+    missed = are_missed(model, segments, substep_s)
     good = [segment for segment, out in zip(segments, missed, strict=True) if not out]
     huber = math.inf if quadratic else _huber_of(model, good, substep_s)
     problem = Problem(model, unknowns, z, substep_s, huber)
@@ -127,24 +134,25 @@ def fitted(
 
 
 def errors(model: Model, segments: Sequence[Segment], substep_s: float) -> FloatArray:
-    """Root mean square of r of each segment."""
+    """Root mean square of the residual of each segment (S,), in units of the noise."""
     return np.array([np.sqrt(np.mean(r**2)) for r in residuals(model, segments, substep_s)])
 
 
-def missing(model: Model, segments: Sequence[Segment], substep_s: float) -> NDArray[np.bool_]:
-    """Which segments of gears are missed: their error is several times that of the better ones, or infinite.
+def are_missed(model: Model, segments: Sequence[Segment], substep_s: float) -> NDArray[np.bool_]:
+    """Which segments of gears the model misses (S,): those whose error is several times that of the better ones.
 
-    In other motions the initial state decays, so that errors are those of the model.
+    The cause is a wrong initial state.  None is missed of other bases, where the effect of the initial state decays, so
+    that errors are those of the model.
     """
     return outliers(errors(model, segments, substep_s)) & (model.base == "play")
 
 
-def followed(level: Level, substep_s: float) -> list[Segment]:
-    """The segments of a level that are not missed."""
-    missed = missing(level.model, level.segments, substep_s)
+def followed_segments(level: Level, substep_s: float) -> list[Segment]:
+    """The segments of a level that its model does not miss."""
+    missed = are_missed(level.model, level.segments, substep_s)
     return [segment for segment, out in zip(level.segments, missed, strict=True) if not out]
 
 
 def outliers(error: FloatArray) -> NDArray[np.bool_]:
-    """Errors (S,) of three times the better third's and more, none below three times the noise."""
+    """Which errors (S,) exceed ``policy.MISSED`` times their 30 % quantile, or times the noise where that is larger."""
     return np.asarray(error > policy.MISSED * max(float(np.quantile(error, 0.3, method="lower")), 1.0))

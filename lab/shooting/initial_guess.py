@@ -1,4 +1,8 @@
-"""Initial guesses for the parameters of an effect, from the effect and the scales of a motion.  No fitting here."""
+"""Initial guesses for the parameters of an effect, from the scales of a motion.  No fitting here.
+
+An effect owns its guesses (model/effects); this module computes the scales from which they follow, keeps them within
+the bounds, and makes models of negligible amplitude for the score test.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +22,11 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["faint", "initial_guesses", "natural_frequency", "scales_of"]
 
 FAINT = 0.01
-"""Share of an amplitude that hardly changes the motion."""
+"""Share of the guessed amplitude at which an effect counts as negligible."""
 
 
 def scales_of(model: Model, segments: Sequence[Segment], substep_s: float) -> MotionScales:
-    """Scales from the modelled motion of some segments.  Raises ModelError where none can be run."""
+    """The scales of the modelled motion over some segments.  Raises ModelError where none of them can be simulated."""
     runs = motions(model, segments, substep_s)
     value = {name: parameter.value for name, parameter in model.parameters.items()}
     inertia = value.get("J2", value.get("J", 1.0))
@@ -59,16 +63,16 @@ def scales_of(model: Model, segments: Sequence[Segment], substep_s: float) -> Mo
 
 
 def natural_frequency(model: Model) -> float:
-    """Natural frequency of the bar without damping [Hz]; zero without a bar."""
+    """The natural frequency of the bar, sqrt(k/m)/(2 pi) [Hz]; zero without a bar."""
     k, m = (model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "m"))
     return math.sqrt(k / m) / (2 * math.pi) if m > 0 else 0.0
 
 
 def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Values]:
-    """Values to begin from, by the names of the model's parameters; the model has the effect already.
+    """Initial values of an effect that the model already has, by the full names of the parameters.
 
-    An effect without guesses, such as a user-defined one, begins at its defaults, smaller, larger, and with the other
-    sign.  What the bounds make equal is tried once.
+    An effect without guesses of its own, such as a user-defined one, begins at its defaults, at a quarter and four
+    times of these, and with the opposite sign.  Guesses that the bounds make equal are given once.
     """
     found = get_effect(effect).guesses(size) or _around_defaults(model.own(effect))
     named = ({_full(effect, name, model): value for name, value in each.items()} for each in found)
@@ -76,7 +80,7 @@ def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Value
 
 
 def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
-    """Models with an effect of negligible amplitude, one for each shape that it may have.
+    """Models with an effect of negligible amplitude, one for each shape that it may have (such as a number of teeth).
 
     An effect without an amplitude (a spring, a filter, a limit) is made so stiff, fast or wide that it hardly acts.
     """
@@ -95,12 +99,13 @@ def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
 
 
 def _full(effect: str, name: str, model: Model) -> str:
+    """The full name of a parameter of an effect, or of the base where the effect has none of that name."""
     return f"{effect}.{name}" if f"{effect}.{name}" in model.parameters else name
 
 
 def _within(model: Model, values: Values) -> Values:
-    """Values within the bounds, those of fixed parameters left out unless they are whole numbers, or zeros of a scale
-    that no file has stated."""
+    """The values within the bounds.  Those of fixed parameters are left out, except whole numbers and fixed zeros that
+    no model file has stated."""
     kept = {}
     for name, value in values.items():
         p = model.parameters[name]
@@ -110,11 +115,13 @@ def _within(model: Model, values: Values) -> Values:
 
 
 def _is_default_zero(name: str, model: Model) -> bool:
+    """Whether a parameter is zero by default, as no model file has stated it."""
     p = model.parameters[name]
     return p.value == 0.0 and p == build_model(model.base, model.effects).parameters[name]
 
 
 def _around_defaults(own: Mapping[str, Parameter]) -> list[Values]:
+    """The defaults of the free parameters, and multiples of them."""
     free = {name: p for name, p in own.items() if not (p.fixed or p.domain.is_whole)}
     factors = (1.0, 0.25, 4.0) + ((-1.0,) if any(p.low < 0 < p.value for p in free.values()) else ())
     return [{name: p.value * f for name, p in free.items()} for f in factors]

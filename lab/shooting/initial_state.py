@@ -1,9 +1,8 @@
-"""Initial values of a fit: the unknown initial state of a segment, the frequency in the spectrum.  No parameters are
-fitted.
+"""Estimates the initial state of a segment with the parameters held; and the bar's frequency from a spectrum.
 
-A recording starts in the middle of the motion.  For gears the cost has a local minimum for every impact that may have
-come before, so the gap's position and speed are scanned; the bar's state is linear in the residual and follows by least
-squares.
+A segment begins in the middle of a motion.  For gears the cost has a local minimum for every impact that may have come
+before.  So a grid of positions and speeds within the gap is scanned; the residual is linear in the state of the bar,
+which follows by least squares.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.data.experiment import ACCEL, Experiment
-from lostmotion.lab.shooting.continuation import errors, missing
+from lostmotion.lab.shooting.continuation import are_missed, errors
 from lostmotion.lab.shooting.least_squares import robust
 from lostmotion.lab.shooting.segment import STEP, Segment, in_motion, state_scales
 from lostmotion.model import Model, ModelError
@@ -27,14 +26,18 @@ __all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "segment_
 SCAN_S = 0.1
 LAST = 2
 RENEWED, MORE = 4, 2
-"""Steps that share derivatives, which secants correct in between, and steps more for it: a third fewer simulations, and
-of 28 initial states none is 10 % worse (three 10 % better)."""
+"""Number of steps that share derivatives, with corrections by secants in between, and number of additional steps for
+it. It takes a third fewer simulations, and of 28 initial states none is 10 % worse (three are 10 % better)."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """The effort of a search for an initial state: the grid of gap (in half plays) and speed (in crossing speeds), the
-    number of states kept, and the growing horizon after it: length [s], states kept, steps of the fit."""
+    """The effort of a search for an initial state.
+
+    gaps, speeds: the grid of positions in the gap [half plays] and of speeds [speeds that cross the gap]; scanned: the
+    number of states of the grid that are kept; stages: the growing horizon after it, each with its length [s], the
+    number of states that are kept, and the steps of the fit.
+    """
 
     gaps: FloatArray
     speeds: FloatArray
@@ -57,7 +60,7 @@ FINE = Effort(
 
 
 def segment_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Segment:
-    """The segment with its scales, starting along with the input."""
+    """The segment of an experiment with its scales, starting at rest relative to the input."""
     own = experiment.model(model)
     rest = in_motion(own, experiment.drive, float(experiment.time[0]))
     return Segment(experiment, noise, state_scales(model, experiment), rest)
@@ -66,9 +69,9 @@ def segment_of(model: Model, experiment: Experiment, noise: dict[str, float]) ->
 def find_start(
     model: Model, segment: Segment, substep_s: float, also: Sequence[FloatArray] = (), effort: Effort = QUICK
 ) -> Segment:
-    """The segment with the initial state that minimises the error, with the parameters held.
+    """The segment with the initial state that minimises its error, the parameters being held.
 
-    also: states to try beside those of the scan.
+    also: initial guesses (n,) beside those of the scan; effort: that of the scan, which is for gears only.
     """
     own = segment.experiment.model(model)
     if model.base != "play":
@@ -82,8 +85,8 @@ def find_start(
 
 
 def polished(model: Model, segment: Segment, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
-    """Start states (K, n) after some Levenberg-Marquardt steps of all at once, best first; with the robust cost of the
-    fit."""
+    """The initial states (K, n) after some Levenberg-Marquardt steps of all of them at once, the one with the least
+    robust cost first; model: with the values of the recording."""
     K, n = states.shape
     states = states.copy()
     steps = STEP * np.diag(segment.scale)
@@ -118,8 +121,8 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
 
 
 def _secant(slopes: FloatArray, step: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """The least correction of derivatives (K, n, M) that explains the change of the residuals (K, M) by steps (K, n);
-    Broyden 1965.  None where the motion cannot be run."""
+    """The least correction of derivatives (K, n, M) that explains the change of residuals (K, M) by steps (K, n)
+    (Broyden 1965); zero where the motion cannot be simulated."""
     with np.errstate(invalid="ignore", divide="ignore"):
         missed = after - before - (step[:, None] @ slopes)[:, 0]
         found = step[:, :, None] * (missed / np.sum(step**2, axis=1, keepdims=True))[:, None]
@@ -129,15 +132,14 @@ def _secant(slopes: FloatArray, step: FloatArray, before: FloatArray, after: Flo
 def repaired(
     model: Model, segments: Sequence[Segment], substep_s: float, max_missed: float = 1.0
 ) -> tuple[Segment, ...]:
-    """The segments, with new initial states of those that the model misses: from the end of the segment before, or from
-    a finer scan.
+    """The segments, with new initial states for those that the model misses: from the end of the segment before, or
+    from a finer scan; for gears only.
 
-    Gears only; in other motions the initial state decays.  max_missed: share of missed segments above which none is
-    repaired.
+    max_missed: the share of missed segments above which no initial state is searched for again.
     """
     if model.base != "play":
         return tuple(segments)
-    missed = missing(model, segments, substep_s)
+    missed = are_missed(model, segments, substep_s)
     if np.mean(missed) > max_missed:
         return tuple(segments)
     done: list[Segment] = []
@@ -147,6 +149,8 @@ def repaired(
 
 
 def _begun_anew(model: Model, segment: Segment, before: Sequence[Segment], substep_s: float) -> Segment:
+    """The segment with a new initial state, if that lowers its error; before: the segments before it, already
+    repaired."""
     own = segment.experiment.model(model)
     also = [segment.start]
     if before and before[-1].experiment.name == segment.experiment.name:
@@ -160,13 +164,14 @@ def _begun_anew(model: Model, segment: Segment, before: Sequence[Segment], subst
 
 
 def _first(segment: Segment, length: float) -> Segment:
+    """The first part of a segment; length: of it [s]."""
     begin = segment.experiment.time[0]
     return replace(segment, experiment=segment.experiment.between(begin, begin + length))
 
 
 def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
-    """The strongest line of the bar's acceleration between two frequencies [Hz], accurate to a tenth of its width; it
-    need not be a ring of one impact."""
+    """The frequency [Hz] of the strongest line of the bar's acceleration between two frequencies, accurate to a tenth
+    of the width of the line."""
     values = experiment.measured[ACCEL]
     time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
     seen = ~np.isnan(values)
@@ -180,7 +185,8 @@ def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
 
 
 def _scan(model: Model, segment: Segment, substep_s: float, effort: Effort) -> list[FloatArray]:
-    """The best start states on a grid of gap and speed, the bar's two states by linear least squares at each."""
+    """The initial states (n,) with the least sum of |r| on a grid of positions and speeds in the gap, with the two
+    states of the bar by linear least squares at each point."""
     rest, slopes = _by_base_state(model, segment)
     grid = np.stack(np.meshgrid(effort.gaps, effort.speeds, indexing="ij"), axis=-1).reshape(-1, 2)
     begins = rest + grid @ slopes[:2]
@@ -199,10 +205,8 @@ def _scan(model: Model, segment: Segment, substep_s: float, effort: Effort) -> l
 
 
 def _by_base_state(model: Model, segment: Segment) -> tuple[FloatArray, FloatArray]:
-    """The state at rest relative to the input (n,), and its derivative by each scale of the base's four states (4, n).
-
-    The states of effects begin in equilibrium with those of the base.
-    """
+    """The state at rest relative to the input (n,), with an undeflected bar, and the change of the state by one scale
+    of each of the four states of the base (4, n).  States of effects are in equilibrium with them."""
     drive, begin = segment.experiment.drive, float(segment.experiment.time[0])
     at_rest = in_motion(model, drive, begin)
     own = at_rest.size > 4
@@ -220,7 +224,7 @@ def _by_base_state(model: Model, segment: Segment) -> tuple[FloatArray, FloatArr
 
 
 def _measured_state(model: Model, segment: Segment) -> FloatArray:
-    """Position and speed from the first samples; a bar at rest."""
+    """The initial state (n,) with position and speed from a line through the first samples, all else at rest."""
     experiment = segment.experiment
     column = "displacement" if model.base == "oscillator" else "position"
     begin = float(experiment.time[0])

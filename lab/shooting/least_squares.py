@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt for segments with shared parameters and separate initial states.
+"""The Levenberg-Marquardt method for segments with shared parameters and an initial state each.
 
-The start states are eliminated segment by segment (Schur complement), so ten segments cost little more than one.
-Residuals count in units of the noise; large ones count by their magnitude only (Huber), so that one impact at the wrong
-time does not dominate the fit.
+The initial states are eliminated segment by segment (Schur complement), so that the cost of a step is linear in the
+number of segments.  Residuals are in units of the noise, with Huber's cost, so that one impact at the wrong time does
+not dominate the fit.
 """
 
 from __future__ import annotations
@@ -22,16 +22,15 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Solution", "minimise", "projected_off", "robust"]
 
 START_PRIOR = 20.0
-"""Standard deviation of the prior on an initial state, in its scale, around its first value."""
+"""Standard deviation of the prior on an initial state around its first value, in units of its scale."""
 TRIALS = 6
 EDGES = 0.5
-"""Share of the segments with an increased cost, above which a step is rejected."""
+"""Share of the segments with an increased cost from which on a step is too long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Parameters z (P,), the segments with their start states, and the robust cost (half the sum of squares where
-    nothing lies outside)."""
+    """The result of a minimisation: the parameters z (P,), the segments with their initial states, and the cost."""
 
     z: FloatArray
     segments: tuple[Segment, ...]
@@ -40,7 +39,11 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """model: the values of fixed parameters; huber: bound of Huber's cost, in units of the noise."""
+    """What is minimised over z and the initial states: the sum of Huber's costs of all residuals, and of the priors.
+
+    model: has the values of fixed parameters; huber: bound of Huber's cost, in units of the noise; infinite for
+    squares.
+    """
 
     model: Model
     unknowns: Unknowns
@@ -67,10 +70,11 @@ class Problem:
     def moved(
         self, z: FloatArray, segments: Sequence[Segment], ds: Sequence[FloatArray], before: FloatArray
     ) -> tuple[tuple[Segment, ...], FloatArray]:
-        """The segments at other parameters with changed initial states, and their costs (S,).
+        """The segments at the parameters z, with initial states that are changed by ds (units of their scales), and
+        their costs (S,); before: their costs at the present parameters (S,).
 
-        A few segments with an increased cost keep their initial states, if that is better: one initial state near an
-        impact must not block the others.  With many of them the step is too long.  before: (S,) their costs.
+        Where the costs of few segments increase, these keep their initial states if that is better, as one initial
+        state near an impact must not block the others.
         """
         there = [s.starting(s.start + s.scale * d) for s, d in zip(segments, ds, strict=True)]
         costs = self.costs(z, there)
@@ -91,9 +95,10 @@ def minimise(
     iterations: int = 20,
     tolerance: float = 1e-4,
 ) -> Solution:
-    """Improves z and the start states until the cost falls by less than ``tolerance`` of itself.
+    """Minimises the cost over the parameters z (P,) and the initial states, from these values.
 
-    Never returns anything worse than it was given; when the time is up, returns the best so far.
+    Ends after so many iterations, when a step lowers the cost by less than ``tolerance`` of it, or when the time is up.
+    The result is never worse than the initial values.
     """
     z, segments = z.copy(), tuple(segments)
     low, high = problem.unknowns.bounds
@@ -130,7 +135,8 @@ def _step(
     damping: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """The damped Gauss-Newton step of parameters (P,) and of each start state (n,), in their scales."""
+    """The damped Gauss-Newton step of z (P,) and of each initial state (n,) in units of its scale; pull: the gradients
+    of the priors on the initial states."""
     weight = 1 / problem.unknowns.prior**2
     H, g = np.diag(weight), weight * (z - problem.centre)
     eliminated = []
@@ -157,11 +163,13 @@ def _step(
 
 
 def _weights(r: FloatArray, huber: float) -> FloatArray:
+    """The weights of residuals (M,) in a step: 1 within Huber's bound, huber/|r| beyond."""
     return np.ones_like(r) if math.isinf(huber) else 1 / np.maximum(1.0, np.abs(r) / huber)
 
 
 def robust(r: FloatArray, huber: float) -> FloatArray:
-    """Huber's cost of residuals (…, M): half the sum of squares within the bound."""
+    """Huber's cost of residuals (…, M), summed over the last axis: r²/2 within the bound, huber (|r| - huber/2)
+    beyond."""
     size = np.abs(r)
     inside = 0.5 * np.minimum(size, huber) ** 2
     cost = inside if math.isinf(huber) else np.where(size <= huber, inside, huber * (size - huber / 2))

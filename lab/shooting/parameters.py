@@ -1,7 +1,8 @@
-"""The free parameters of a fit as a vector of numbers of order one.  No data, no simulation.
+"""The free parameters of a fit as a vector z of numbers of order one.  No data, no simulation.
 
-Positive quantities vary by their logarithm, so that a step is a share of the value; those that may be zero or negative
-vary in units of their scale.  Weak priors (a factor e, or ten scales) bound parameters that the data do not identify.
+A positive parameter is exp(z), so that a step is a share of the value; one that may be zero or negative is z times its
+scale.  Weak priors (with a standard deviation of a factor e, or of ten scales) keep parameters finite that the data do
+not identify.  All fits of the lab use this vector.
 """
 
 from __future__ import annotations
@@ -22,24 +23,25 @@ __all__ = ["Unknown", "Unknowns", "free_names"]
 
 LOG_PRIOR = 1.0
 TRUST: Mapping[str, float] = {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0}
-"""The factor by which each parameter of gears may differ in a search from the value of the file or the spectra."""
+"""The factor by which each parameter of gears may differ in a search from its value in the model file or the
+spectra."""
 LINEAR_PRIOR = 10.0
 AT_BOUND = 1e-6
-"""Distance from a bound, in numbers of order one, from which on a fit ended there: it approaches a bound from within.
-"""
+"""Distance of z from a bound below which a fit ended at the bound, as it approaches a bound from within."""
 UNKNOWN = 1e9
-"""Half width of an interval in values or scales of the parameter, or its factor for a positive one, from which on it is
-infinite: rounding decides."""
+"""Half width of an interval, in values or scales of the parameter, or as a factor of a positive one, above which the
+interval is infinite, as it follows from rounding."""
 
 
 def free_names(model: Model) -> tuple[str, ...]:
-    """Parameters that a fit may change: those not fixed, and whole numbers never."""
+    """The names of the parameters that a fit may change: those that are neither fixed nor whole numbers."""
     return tuple(name for name, p in model.parameters.items() if not (p.fixed or p.domain.is_whole))
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One free parameter; value = exp(z) when logarithmic, else scale z; a circular one wraps from high to low."""
+    """One free parameter between bounds: its value is exp(z) if it is logarithmic, else scale z; circle: whether it is
+    an angle that wraps from high to low."""
 
     name: str
     low: float
@@ -50,7 +52,7 @@ class Unknown:
 
     @classmethod
     def of(cls, name: str, parameter: Parameter) -> Unknown:
-        """The unknown for a parameter at its present value."""
+        """The unknown that stands for a parameter; its scale is the present value, or a share of its range for zero."""
         low, high = parameter.low, parameter.high
         if parameter.domain is Domain.POSITIVE:
             return cls(name, max(low, 1e-300), high, 1.0, True)
@@ -69,19 +71,19 @@ class Unknown:
         return (-math.inf, math.inf) if self.circle else (self.z(self.low), self.z(self.high))
 
     def z(self, value: float) -> float:
-        """The number of order one that stands for a value."""
+        """The z of a value."""
         return math.log(value) if self.logarithmic else value / self.scale
 
     def value(self, z: float) -> float:
-        """The value that a number of order one stands for, within the bounds."""
+        """The value of a z, within the bounds."""
         if self.circle:
             return self.low + (z * self.scale - self.low) % (self.high - self.low)
         value = math.exp(min(z, 700.0)) if self.logarithmic else z * self.scale
         return min(max(value, self.low), self.high)
 
     def interval(self, z: float, half: float) -> tuple[float, float]:
-        """The values at the ends of an interval of z, which may be outside of the bounds; infinite where nothing is
-        known."""
+        """The values at z - half and z + half, which may lie outside of the bounds; infinite for a wide interval, see
+        ``UNKNOWN``."""
         value = self.value(z)
         if not half < (math.log(UNKNOWN) if self.logarithmic else UNKNOWN * max(abs(z), 1.0)):
             return (0.0 if self.logarithmic else -math.inf), math.inf
@@ -90,20 +92,22 @@ class Unknown:
         return value - half * self.scale, value + half * self.scale
 
     def slope(self, z: float) -> float:
-        """d value / d z."""
+        """The derivative of the value by z."""
         return math.exp(min(z, 700.0)) if self.logarithmic else self.scale
 
     def is_identified(self, z: float, deviation: float) -> bool:
-        """Whether a standard deviation of z is a small share of the value, or of its scale if that is more."""
+        """Whether a standard deviation of z is below ``policy.IDENTIFIED`` of the value, or of the scale where that is
+        larger."""
         return bool(deviation < policy.IDENTIFIED * (1.0 if self.logarithmic else max(abs(z), 1.0)))
 
 
 def _near(unknown: Unknown, value: float, factor: float) -> Unknown:
+    """The unknown with bounds that differ from a value by at most a factor."""
     return replace(unknown, low=max(unknown.low, value / factor), high=min(unknown.high, value * factor))
 
 
 def _size(low: float, high: float) -> float:
-    """A scale for a parameter that starts at zero: a twentieth of its finite range, or 1, also where it has none."""
+    """The scale of a parameter that starts at zero: a twentieth of its range, or 1 where that is not finite."""
     return (high - low) / 20 if 0.0 < high - low < 1e3 else 1.0
 
 
@@ -117,10 +121,10 @@ class Unknowns:
 
     @classmethod
     def of(cls, model: Model, around: Model | None = None) -> Unknowns:
-        """The free ones of a model.
+        """The free parameters of a model.
 
-        around: a search of gears stays near this model's values.  With impacts at the wrong time the best fit has zero
-        amplitude (regression dilution); bounds prevent this for roughly known parameters.
+        around: a model of gears near whose values (within ``TRUST``) a search stays.  With impacts at wrong times the
+        best fit has zero amplitude (regression dilution); bounds prevent this for roughly known parameters.
         """
         items = tuple(Unknown.of(name, model.parameters[name]) for name in free_names(model))
         if around is not None and model.base == "play":
@@ -132,7 +136,7 @@ class Unknowns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Their names, in order."""
+        """The names of the parameters, in the order of z."""
         return tuple(item.name for item in self.items)
 
     @property
@@ -142,19 +146,21 @@ class Unknowns:
         return low, high
 
     def z(self, model: Model) -> FloatArray:
-        """The vector that stands for a model's values."""
+        """The vector of the values of a model (P,)."""
         return np.array([item.z(model.parameters[item.name].value) for item in self.items])
 
     def put(self, model: Model, z: FloatArray) -> Model:
-        """The model with the values of a vector.  Raises ModelError where physics does not allow one."""
+        """The model with the values of a vector (P,).  Raises ModelError for values that are physically impossible."""
         return model.replace({item.name: item.value(float(x)) for item, x in zip(self.items, z, strict=True)})
 
     def around(self, model: Model, z: FloatArray, step: float) -> tuple[Model, Sequence[tuple[Model, float]]]:
-        """The model at z, and for each unknown one a step away, with that step: downwards at the upper bound."""
+        """The model at z (P,), and for each parameter a model with its z changed by a step, with the step: ``step``, or
+        its negative at the upper bound."""
         return _around(self, model, tuple(map(float, z)), step)
 
     def estimates(self, model: Model, z: FloatArray, deviation: FloatArray, width: float) -> tuple[Estimate, ...]:
-        """The parameters with intervals of so many standard deviations on either side."""
+        """The parameters of a model with intervals of ``width`` standard deviations of z on either side; deviation: of
+        z (P,)."""
         found, bound = [], self.at_bound(z)
         for item, at, sd in zip(self.items, z.tolist(), deviation.tolist(), strict=True):
             ends, unit = item.interval(at, width * sd), model.parameters[item.name].unit
@@ -163,7 +169,7 @@ class Unknowns:
         return tuple(found)
 
     def at_bound(self, z: FloatArray) -> tuple[str, ...]:
-        """The names of those that a fit left at a bound, or beyond."""
+        """The names of the parameters that a fit left at a bound, or beyond it; z: (P,)."""
         return tuple(
             item.name for item, at in zip(self.items, z.tolist(), strict=True)
             if any(math.isclose(at, end, rel_tol=AT_BOUND, abs_tol=AT_BOUND) for end in item.ends)
@@ -171,7 +177,7 @@ class Unknowns:
         )  # fmt: skip
 
     def slopes(self, z: FloatArray) -> FloatArray:
-        """d value / d z of each, (P,)."""
+        """The derivatives of the values by z (P,)."""
         return np.array([item.slope(float(x)) for item, x in zip(self.items, z, strict=True)])
 
 

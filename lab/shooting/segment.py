@@ -1,6 +1,7 @@
-"""A segment of an experiment that is simulated from its own initial state, and its residual.
+"""A segment of an experiment that is simulated from its own initial state, its residual and the derivatives of that.
 
-Restarting a chaotic or drifting motion every second or so makes its parameters identifiable.  No fitting here.
+Multiple shooting restarts a chaotic or drifting motion every second or so, which makes its parameters identifiable.
+The fits of segments are in continuation.py and least_squares.py.
 """
 
 from __future__ import annotations
@@ -33,19 +34,20 @@ __all__ = [
 ]
 
 STEP = 1e-5
-"""Finite difference, in numbers of order one, for searches."""
+"""Step of finite differences in z, and in scales of a state, for searches."""
 FINE_STEP = 3e-8
-"""The same for intervals.  With impacts the motion is nonlinear even over 1e-5: confounded parameters then looked
-distinct, and intervals came out up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same to some percent: fixed
-integration steps leave hardly any rounding."""
+"""Step of finite differences for confidence intervals.  With impacts the motion is nonlinear even over 1e-5: confounded
+parameters then looked distinct, and intervals were up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same to
+some percent: fixed integration steps leave hardly any rounding."""
 LAG_SHARE, OWN_SHARE = 0.003, 0.1
-"""Share of such a scale for states of effects, which are known better than the joint's; that of a lag follows from the
-input."""
+"""Scale of the state of a lag, which follows from the input, and of other states of effects, as shares of the scale of
+the joint's state of the same kind."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Residual r (M,) in units of the noise, and its derivatives by parameters A (M, P) and start state B (M, n)."""
+    """A residual r (M,) in units of the noise, with its derivatives by the parameters z, A (M, P), and by the initial
+    state in units of its scale, B (M, n)."""
 
     r: FloatArray
     A: FloatArray
@@ -53,14 +55,17 @@ class Linearised:
 
     @property
     def finite(self) -> bool:
-        """Whether the motion could be run with all of the changes."""
+        """Whether the motion could be simulated with all changes of parameters and states."""
         return bool(np.isfinite(self.r).all() and np.isfinite(self.A).all() and np.isfinite(self.B).all())
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """experiment: the segment; noise: by column, the unit of residuals; scale: (n,) the units of state changes; start:
-    (n,) the state at its first sample."""
+    """A segment with its initial state.
+
+    experiment: the samples of the segment; noise: by column, the unit of residuals; scale: units of changes of the
+    state (n,); start: the state at the first sample (n,).
+    """
 
     experiment: Experiment
     noise: Mapping[str, float]
@@ -68,19 +73,21 @@ class Segment:
     start: FloatArray
 
     def starting(self, state: FloatArray) -> Segment:
-        """The same with another start state."""
+        """The segment with another initial state (n,)."""
         return replace(self, start=state)
 
     def simulate(self, model: Model, start: FloatArray, substep_s: float | None) -> Trajectory:
-        """The model's motion over the segment.  ``model`` already has the recording's values."""
+        """The motion of a model over the segment from an initial state (n,); model: with the values of the
+        recording."""
         return model.simulate(self.experiment.drive, self.experiment.time, start, substep_s=substep_s)
 
     def residual(self, model: Model, start: FloatArray, substep_s: float) -> FloatArray:
-        """(measured - modelled) / noise of all columns one after the other (M,); infinite where it cannot be run."""
+        """(measured - modelled)/noise of all columns one after the other (M,), from an initial state (n,); infinite
+        where the motion cannot be simulated."""
         return np.asarray(self.residuals(model, start[None], substep_s)[0])
 
     def residuals(self, model: Model, starts: FloatArray, substep_s: float) -> FloatArray:
-        """The same from several start states (K, n): (K, M)."""
+        """The residuals (K, M) from several initial states (K, n); see ``residual``."""
         values, weights, seen = self._targets
         try:
             e = self.experiment
@@ -95,7 +102,8 @@ class Segment:
 
     @cached_property
     def _targets(self) -> tuple[FloatArray, FloatArray, NDArray[np.bool_] | None]:
-        """All measured values in a row, one over the noise of each, and which samples they are (None: all)."""
+        """The measured values of all columns (M,), the reciprocals of their noise (M,), and which samples of the
+        columns they are; None for all."""
         columns = self.experiment.measured
         values = np.concatenate(list(columns.values()))
         weights = np.repeat([1 / self.noise[name] for name in columns], self.experiment.time.size)
@@ -105,7 +113,8 @@ class Segment:
     def linearised(
         self, model: Model, unknowns: Unknowns, z: FloatArray, substep_s: float, by: float = STEP
     ) -> Linearised:
-        """Residual and derivatives by finite differences of this step, at the parameters z and this start state."""
+        """The residual and its derivatives at the parameters z (P,) and the segment's initial state, by finite
+        differences with the step ``by``."""
         own = self.experiment.model
         at, around = unknowns.around(model, z, by)
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
@@ -118,9 +127,10 @@ class Segment:
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:
-    """The state (n,) at a time within a motion, as far as it is given; else at rest relative to the input.
+    """The state (n,) of a model at a time [s] within a motion: given states have their values, the others are at rest
+    relative to the input.
 
-    An actuator with lag T behind its command c is in its steady state: x = c - T c' + T² c''.
+    An actuator with a lag T behind its command c is in its steady state, x = c - T c' + T² c''.
     """
     state = model.initial_state(drive, time, **given)
     if drive is not None and (name := "actuator_lag.0") in model.state_names and name not in given:
@@ -131,16 +141,15 @@ def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -
 
 
 def start_with(model: Model, segment: Segment, states: Sequence[str]) -> FloatArray:
-    """The segment's initial state for a model with other effects, which begin in equilibrium.
-
-    states: the names of the states in the segment's start.
-    """
+    """The initial state (n,) of a segment for a model with other effects, whose states begin in equilibrium; states:
+    the names of the states of ``segment.start``."""
     given = {name: x for name, x in zip(states, segment.start.tolist(), strict=True) if name in model.state_names}
     return in_motion(model, segment.experiment.drive, float(segment.experiment.time[0]), **given)
 
 
 def motions(model: Model, segments: Sequence[Segment], substep_s: float) -> list[Trajectory]:
-    """The model's motions over those segments that it can be run on.  Raises ModelError when there are none."""
+    """The motions of a model over those segments on which it can be simulated.  Raises ModelError when there are
+    none."""
     found, failed = [], ModelError("there is no segment to run the model on")
     for segment in segments:
         try:
@@ -153,7 +162,7 @@ def motions(model: Model, segments: Sequence[Segment], substep_s: float) -> list
 
 
 def scales(experiment: Experiment) -> tuple[float, float]:
-    """Typical deviation of the measured signals: of accel [m/s²] and of position or displacement; 0 if not measured."""
+    """Standard deviations of the measured acceleration [m/s²] and position or displacement; 0 if not measured."""
 
     def spread(*columns: str) -> float:
         found = [experiment.measured[name] for name in columns if name in experiment.measured]
@@ -163,8 +172,8 @@ def scales(experiment: Experiment) -> tuple[float, float]:
 
 
 def state_scales(model: Model, experiment: Experiment) -> FloatArray:
-    """The units of state changes (n,): half the play and the speed that crosses it, the bar's bending at the usual
-    acceleration, the spread of the measured signals."""
+    """The scales of the states of a model (n,): for gears half the play and the speed that crosses it, for a bar its
+    deflection at the usual acceleration, else the standard deviations of the measured signals."""
     values = {name: p.value for name, p in experiment.model(model).parameters.items()}
     accel, position = scales(experiment)
     if model.base == "play":
@@ -195,12 +204,12 @@ def state_scales(model: Model, experiment: Experiment) -> FloatArray:
 
 
 def _ordered(model: Model) -> list[str]:
-    """Effects that have states, in the order of their states."""
+    """The names of the effects that have states, in the order of these states."""
     return list(dict.fromkeys(name.split(".")[0] for name in model.state_names if "." in name))
 
 
 def _acceleration(experiment: Experiment) -> float:
-    """The input's usual acceleration (root mean square) [rad/s²]."""
+    """Root mean square of the acceleration of the input [rad/s²]; 0 without an input."""
     if experiment.drive is None:
         return 0.0
     return float(np.sqrt(np.mean(experiment.drive.acceleration(experiment.time) ** 2)))

@@ -1,4 +1,5 @@
-"""The task of a fit: model, experiments, noise and integration step.  Nothing is fitted here."""
+"""What all fits of a search by multiple shooting share: model, experiments, noise and integration step.  Nothing is
+fitted here."""
 
 from __future__ import annotations
 
@@ -19,15 +20,20 @@ __all__ = ["Task", "coarse_substep", "dithered"]
 SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
 LONGEST_STEP_S = {"play": 5e-4}
 LOOKED_AT_S, LOOKED_AT = 1.0, 100
-"""Seconds, and least number of samples, of the motion from which the integration step follows."""
+"""Length [s], and least number of samples, of the motion from which the integration step is chosen."""
 DITHER = 5.0
-"""Least noise, in errors of the step: these are then 4 % of its variance.  With 3, 5 and 10 nothing is missing from
-the models of three simulated recordings, with errors of 0.99 to 1.06 times the noise."""
+"""Least ratio of the noise to the error of integration, which is then 4 % of the variance of the noise.  With 3, 5 and
+10 nothing is missing from the models of three simulated recordings, with errors of 0.99 to 1.06 times the noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The task of a fit: the model of the file, experiments with the noise of each column, the solver's step."""
+    """The task of a fit.
+
+    rough: the model of the file, with linear parameters from the spectra; experiments; noise: root mean square of the
+    noise of each column; substep_s: integration step of a search [s]; halvings: how often the experiments are halved
+    for the shortest segments.
+    """
 
     rough: Model
     experiments: tuple[Experiment, ...]
@@ -41,12 +47,12 @@ class Task:
         return [tile for experiment in self.experiments for tile in tiles(experiment, self.halvings)]
 
     def added(self, model: Model) -> tuple[str, ...]:
-        """The effects of a model that the file's lacks, in order."""
+        """The effects of a model that the model of the file does not have, in order."""
         return tuple(effect for effect in model.effects if effect not in self.rough.effects)
 
     @classmethod
     def of(cls, model: Model, experiments: Sequence[Experiment], noise: dict[str, float]) -> Task:
-        """For these experiments, with the step of a search."""
+        """The task for a model and experiments."""
         halvings = max(first_level(model.base, experiment) for experiment in experiments)
         rough = from_spectra(model, experiments)
         step = coarse_substep(rough, experiments)
@@ -54,9 +60,11 @@ class Task:
 
 
 def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float | None = None) -> float:
-    """An integration step for all fits of this model: its own choice on each experiment, times ``factor``.
+    """An integration step for all fits of a model [s]: its own choice, the smallest of all experiments, times
+    ``factor``.
 
-    Without a factor, one that is good enough for a search.
+    Without a factor the step is accurate enough for a search, ``SEARCH_STEPS`` times the model's choice.  Raises
+    ModelError where the model cannot be simulated.
     """
     own = [e.model(model).simulate(e.drive, _beginning(e).time).substep_s for e in experiments]
     if factor:
@@ -67,11 +75,12 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
 def dithered(
     model: Model, experiments: Sequence[Experiment], noise: Mapping[str, float]
 ) -> tuple[list[Experiment], dict[str, float]]:
-    """The experiments and the noise of their columns, with white noise added to those that are finer than the error of
-    a search's integration step.
+    """The experiments, and the noise of their columns, with white noise added to columns whose noise is below
+    ``DITHER`` times the error of integration of a search.
 
-    That error depends on the motion, as what an effect leaves does.  Of gears simulated at 1 kHz the force was
-    integrated to 2e-4 of its size, 16 times the noise found in it, and the very model that had made it was refused.
+    The error of integration depends on the motion, as the error of a model that lacks an effect does.  Of gears
+    simulated at 1 kHz the force was integrated to 2e-4 of its size, 16 times the noise found in it, and the very model
+    that had made it was refused.
     """
     error = _step_error(model, experiments[0], coarse_substep(model, experiments))
     least = {name: max(deviation, DITHER * error.get(name, 0.0)) for name, deviation in noise.items()}
@@ -86,8 +95,8 @@ def dithered(
 
 
 def _step_error(model: Model, experiment: Experiment, substep_s: float) -> dict[str, float]:
-    """Root mean square error that this step of the integration makes in each measured column, of the median of the
-    shortest segments."""
+    """The root mean square error of integration with a step in each measured column: the median over the shortest
+    segments."""
     own, first = experiment.model(model), _beginning(experiment)
     exact = own.simulate(first.drive, first.time)
     errors: dict[str, list[float]] = {name: [] for name in first.measured}
@@ -101,6 +110,6 @@ def _step_error(model: Model, experiment: Experiment, substep_s: float) -> dict[
 
 
 def _beginning(experiment: Experiment) -> Experiment:
-    """The first second, or the first samples of a slow recording."""
+    """The first second of an experiment, or the first samples of a slow one."""
     length = max(LOOKED_AT_S, LOOKED_AT / experiment.rate_hz)
     return experiment.between(experiment.time[0], experiment.time[0] + length)

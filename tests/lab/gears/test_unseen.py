@@ -105,7 +105,7 @@ def test_segments_at_the_noise_are_not_searched_for_again(monkeypatch: pytest.Mo
         unseen = Unseen(experiment, task, 0.25, pool)
         known, alone, lost = (unseen.judge(model) for model in (MODEL, near, far))
         assert np.all(unseen.judge(far, known).errors < 1.01 * lost.errors)
-        monkeypatch.setattr("lostmotion.lab.gears.unseen.begun", None)
+        monkeypatch.setattr("lostmotion.lab.gears.unseen.with_initial_states", None)
         np.testing.assert_allclose(unseen.judge(near, known).errors, alone.errors, rtol=0.01)
     assert np.any(lost.errors > policy.LOST)
 

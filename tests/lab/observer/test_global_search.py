@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.fitting.strategy import full_fit, seeded
+from lostmotion.lab.fitting.strategy import full_fit, with_bar_frequency
 from lostmotion.lab.observer.filter import STRONG, WEAK, Observer, can_follow, states_at
-from lostmotion.lab.observer.global_search import nearest, shortlist
+from lostmotion.lab.observer.global_search import search_effects, search_parameters
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
@@ -140,7 +140,7 @@ def test_between_samples_of_the_bar() -> None:
 def test_the_play_is_found_from_afar(d: float) -> None:
     """A play that is off by 28 % either way, and a damping by a third, come out within 3 and 20 %."""
     task = Task.of(rough(d), [recorded(5)[0], recorded(6)[0]], {"accel": NOISE})
-    found = nearest(seeded(rough(d), task.experiments), task).parameters
+    found = search_parameters(with_bar_frequency(rough(d), task.experiments), task).parameters
     assert found["d"].value == pytest.approx(8e-5, rel=0.03)
     assert found["alpha"].value == pytest.approx(4000.0, rel=0.2)
 
@@ -150,9 +150,9 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
     """A viscous friction that moves every impact is named before dry friction and a delay, and its size is found."""
     hidden = {"viscous_friction.b_v": 6e-4}
     task = Task.of(rough(7e-5), [recorded(seed, hidden, 1.5)[0] for seed in (7, 8)], {"accel": NOISE})
-    base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
+    base = full_fit(search_parameters(with_bar_frequency(task.rough, task.experiments), task), task)
     with ThreadPoolExecutor(2) as pool:
-        found = shortlist(base, ["coulomb_friction", "command_delay", "viscous_friction"], task, pool)
+        found = search_effects(base, ["coulomb_friction", "command_delay", "viscous_friction"], task, pool)
     assert found[0].effect == "viscous_friction"
     assert found[0].cost < 0.8 * found[1].cost
     assert found[0].model.parameters["viscous_friction.b_v"].value == pytest.approx(6e-4, rel=0.1)
@@ -162,12 +162,12 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
 def test_few_are_followed_to_the_end() -> None:
     """Of ten effects three, the one that is there first."""
     task = Task.of(rough(8e-5), [recorded(11, length=1.0)[0]], {"accel": NOISE})
-    base = full_fit(nearest(seeded(task.rough, task.experiments), task), task)
+    base = full_fit(search_parameters(with_bar_frequency(task.rough, task.experiments), task), task)
     effects = ["bias_drift", "clock_skew", "second_mode", "sensor_saturation", "gravity_leakage", "sensor_lag",
                "centripetal_crosstalk", "quadratic_damping", "load_dependent_friction", "gravity_torque"]  # fmt: skip
     half = task.experiments[0].measured["accel"].max() / 2
     clipped = Task.of(rough(8e-5), experiments(build_model("play"), [gears(11, 1.0, largest=half)]), {"accel": NOISE})
     with ThreadPoolExecutor(2) as pool:
-        found = shortlist(base, effects, clipped, pool)
+        found = search_effects(base, effects, clipped, pool)
     assert found[0].effect == "sensor_saturation"
     assert len({near.effect for near in found}) == 3
