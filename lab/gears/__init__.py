@@ -1,1 +1,2 @@
-"""The likelihood of gears with play, whose motion is chaotic: short segments, each with its own initial state."""
+"""The search for missing effects in gears with play, whose motion is chaotic: short segments with an initial state
+each."""

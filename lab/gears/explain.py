@@ -1,4 +1,7 @@
-"""What is missing from gears with play: starts the search, and turns its result into an Explanation."""
+"""The search for missing effects in gears with play: its preparation and its result.
+
+The search itself is selection/forward.py, with the likelihood of gears (likelihood.py).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from lostmotion.lab.fitting.fit import fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
-from lostmotion.lab.gears.unseen import Judged, Unseen, is_left
+from lostmotion.lab.gears.unseen import Unseen, Validation, exceeds_noise
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
@@ -29,7 +32,8 @@ from lostmotion.model import Model, ModelError
 __all__ = ["explained_gears"]
 
 FIRST_LEAST = 8
-"""Samples in the first segments, which have four initial values: with three the noise could not be estimated."""
+"""Least number of samples in the shortest segments, which have four initial values: otherwise these leave no samples to
+estimate the noise from."""
 STEP_COST = 0.4
 """Cost of an integration step of gears, relative to that of a sample that is compared."""
 
@@ -38,10 +42,11 @@ def explained_gears(
     model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
     progress: Progress, budget_s: float,
 ) -> Explanation:  # fmt: skip
-    """Finds what is missing, on ``train`` and on ``last``, to which no parameter is fitted.
+    """Searches the effects that are missing from a model of gears.
 
-    noise: floor of each column; budget_s: how long all of it may take [s]; of long recordings a part is used that a
-    search can process in this time.  Raises ExperimentError where they were sampled too slowly.
+    train: the experiments of the fits; last: the one that is predicted, to which no parameter is fitted; noise: root
+    mean square of the noise of each column; budget_s: time of the search [s].  Of long recordings those parts are used
+    that a search can process in this time.  Raises ExperimentError where the recordings were sampled too slowly.
     """
     _check_rate(model, [*train, last])
     model, held = with_scale(model, [*train, last])
@@ -63,8 +68,7 @@ def explained_gears(
 
 
 def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
-    """Raises ExperimentError where the first segments of gears hold too few samples to determine their initial
-    states."""
+    """Raises ExperimentError where the shortest segments have too few samples to determine their initial states."""
     slow = min(experiments, key=lambda one: one.rate_hz)
     length = FIRST_S[model.base]
     if slow.rate_hz * length < FIRST_LEAST:
@@ -78,7 +82,7 @@ def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
 def _used(
     model: Model, train: Sequence[Experiment], last: Experiment, budget_s: float
 ) -> tuple[list[Experiment], Experiment]:
-    """The parts of the experiments to fit, and of the last one, that a search can process in this time."""
+    """The parts of the experiments of the fits, and of the last one, that a search can process in a time [s]."""
     step = coarse_substep(model, train)
     rate = max(max(one.rate_hz for one in (*train, last)), STEP_COST / step)
     most_s = policy.BUDGET_SAMPLES * budget_s / policy.BUDGET_S / rate
@@ -86,12 +90,12 @@ def _used(
 
 
 def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -> Explanation:
-    """The result with refined estimates, and the remaining error."""
+    """The result of a search, with refined estimates and a description of the remaining error."""
     base, best, column = selection.fits[0], selection.fits[-1], next(iter(task.noise))
     before, after = base.unseen, best.unseen
     missing, descent = strongest_first([one.unseen.of(column) for one in selection.fits], selection)
     refined = pool.submit(refined_fit, best.level, task)  # runs on one core while the residual is described
-    left = is_left(after)
+    left = exceeds_noise(after)
     columns = {
         name: Errors(before.of(name), after.of(name), noise, words.column(name)[1])
         for name, noise in task.noise.items()
@@ -118,7 +122,7 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
 
 
 def _confusable(selection: Selection[SegmentFit]) -> tuple[tuple[str, ...], ...]:
-    """The groups of the search, with what delays as well as an effect that was named."""
+    """The confusable groups of the search, completed by the delaying effects that predict as well as a named one."""
     groups = {group[0]: group for group in selection.confusable}
     for named, other in selection.fits[-1].alike:
         if named in selection.added and other not in (group := groups.get(named, (named,))):
@@ -126,10 +130,10 @@ def _confusable(selection: Selection[SegmentFit]) -> tuple[tuple[str, ...], ...]
     return tuple(groups.values())
 
 
-def _with_unseen(fit: Fit, judged: Judged) -> Fit:
-    """The fit with the unseen recording in front, from the initial states that were found there."""
-    unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in judged.segments)
-    starts = (one.start for one in judged.segments)
+def _with_unseen(fit: Fit, validation: Validation) -> Fit:
+    """The fit with the segments of the unseen recording in front, and their estimated initial states."""
+    unseen = (replace(one.experiment, name=f"{one.experiment.name}, not fitted") for one in validation.segments)
+    starts = (one.start for one in validation.segments)
     return replace(fit, experiments=(*unseen, *fit.experiments), starts=(*starts, *fit.starts))
 
 
@@ -139,7 +143,8 @@ def _values(fit: SegmentFit) -> list[Estimate]:
 
 
 def _residual(short: Level, best: Model, task: Task) -> Finding | None:
-    """The remaining error, described by a function; None where the model cannot be run."""
+    """The remaining error, described by an unknown function; None where the model cannot be simulated.  short: the best
+    fit on the shortest segments, if its effects are those of the best model."""
     with suppress(ModelError):
         return described(short if short.model.effects == best.effects else full_fit(best, task), task)
     return None

@@ -1,8 +1,9 @@
-"""The likelihood of gears: multiple shooting for fits, the segments of an unseen recording for predictions.
+"""The likelihood of gears, which the search of selection/forward.py asks for fits and predictions.
 
-Near the noise the model is nearly linear in what is missing, and the score test proposes effects.  Far from it an
-effect shifts impacts: what the score test proposes is fitted on longer and longer segments, and then what observers
-follow best.  What is searched and what decides is selection/forward.py.
+Fits are made by multiple shooting; predictions are those of the segments of an unseen recording.  Where the error is
+near the noise, the model is nearly linear in the missing effects, and the score test proposes candidates.  Far from the
+noise an effect shifts impacts.  The candidates of the score test are then fitted on longer and longer segments; where
+none of them is accepted, those with the least prediction errors of observers are.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from lostmotion.lab.gears.trials import (
     repaired_trial,
     with_other_delays,
 )
-from lostmotion.lab.gears.unseen import Judged, Unseen, compared
+from lostmotion.lab.gears.unseen import Unseen, Validation, compared
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import others, without
@@ -45,16 +46,19 @@ __all__ = ["SegmentFit", "ShortSegments"]
 
 @dataclass(frozen=True, eq=False)
 class SegmentFit:
-    """level: the fit on the longest segments that can be trusted; short: the one that it grew from; unseen: its
-    predictions; floor: the error of the shortest segments, in units of the noise, at least one."""
+    """A model of the search with its fits.
+
+    level: the fit on the longest reliable segments; short: the fit on the shortest segments from which it was grown;
+    unseen: its predictions; floor: the error of some of the shortest segments, in units of the noise, at least one.
+    """
 
     level: Level
     short: Level
-    unseen: Judged
+    unseen: Validation
     floor: float = math.nan
-    """Not known of a candidate."""
+    """NaN for a candidate that has not been accepted."""
     alike: tuple[tuple[str, str], ...] = ()
-    """Effects that delay, each with another one that predicts as well in its place."""
+    """Pairs of a delaying effect of the model and another one that predicts as well in its place."""
 
     @property
     def model(self) -> Model:
@@ -63,13 +67,14 @@ class SegmentFit:
 
     @property
     def rms(self) -> float:
-        """Root mean square error of unseen segments, in units of the noise: those of fits are not equally long."""
+        """Root mean square error of the unseen segments, in units of the noise.  Those of fits are not comparable, as
+        their segments have different lengths."""
         return self.unseen.error
 
     @property
     def screened(self) -> float:
-        """The usual error of the segments that propose candidates: of the shortest ones far from the noise, where
-        longer ones are lost, whatever the model."""
+        """The typical error of the segments by which candidates are selected: far from the noise the shortest ones, as
+        no model follows longer ones."""
         is_near = math.isfinite(self.floor) and not self.is_far
         return self.level.typical if is_near else self.short.typical
 
@@ -80,13 +85,14 @@ class SegmentFit:
 
     @property
     def is_far(self) -> bool:
-        """Whether the error exceeds that of additive disturbances of the readings."""
+        """Whether the error exceeds ``policy.FAR`` times the floor, which disturbances of the readings alone cause."""
         return max(self.unseen.error, self.level.typical) >= policy.FAR * self.floor
 
 
 @dataclass(frozen=True, eq=False)
 class ShortSegments:
-    """short: the fit of the model as it is on the shortest segments; unseen: the recording that is predicted."""
+    """The ``Likelihood`` of gears.  short: the fit of the model as it is on the shortest segments; unseen: the
+    recording that is predicted."""
 
     short: Level
     unseen: Unseen
@@ -106,62 +112,65 @@ class ShortSegments:
     def first(self) -> SegmentFit:
         """The fit of the model as it is."""
         level = grown(self.short, self.task)
-        return SegmentFit(level, self.short, self.unseen.judge(level.model), self._floor(self.short))
+        return SegmentFit(level, self.short, self.unseen.validate(level.model), self._floor(self.short))
 
     def _floor(self, short: Level) -> float:
+        """See ``SegmentFit.floor``; short: the fit whose model is used."""
         return max(unfitted(short.model, some_tiles(self.task), self.task).typical, 1.0)
 
     def firsts(self, added: tuple[str, ...]) -> int:
-        """One: a step takes up to a minute."""
+        """One, as a step takes up to a minute."""
         return 1
 
     def opposed(self, now: SegmentFit) -> Sequence[str]:
-        """None: gears are driven."""
+        """None, as gears are driven."""
         return ()
 
     def proposals(
         self, now: SegmentFit, added: tuple[str, ...], only: Sequence[str] = ()
     ) -> Iterator[Proposals[SegmentFit]]:
-        """What the score test proposes; then what observers propose, or where the shortest segments are near the noise
-        the best of the full fits of all effects: there each has its minimum beside the values without it."""
+        """Near the noise, the fits of the effects with significant scores.  Far from it, first the fits of the effects
+        with the largest scores; then those that observers propose, or, where the shortest segments are near the noise,
+        the best of the fits of all other effects, whose minima are then close to the values without them."""
         task, pool, level = self.task, self.pool, now.short if now.is_far else now.level
         may = others(now.model)
         scores = score_test(level, may, task.substep_s, pool, np.random.default_rng(0))
         if not now.is_far or not scores.directions:
             asked = [d for d in scores.directions[: policy.FINISHED] if d.statistic > scores.limit]
-            yield self._judged(self._with_range(near_trials(level, asked, task, pool), level, may), now, scores)
+            yield self._validated(self._with_range(near_trials(level, asked, task, pool), level, may), now, scores)
             return
         few, rest = scores.directions[: policy.FINISHED], scores.directions[policy.FINISHED :]
         near = near_trials(level, few, task, pool, FEW_STEPS)
         trials = full_trials(near, few[0].effect, task, pool)
         least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
-        yield self._judged(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
+        yield self._validated(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
         if level.typical > policy.FAR:
-            yield self._judged(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
+            yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
             return
         near += near_trials(level, rest, task, pool, FEW_STEPS)
         fitted = {trial.effect for trial in trials}
         more = full_fits([(one.effect, one.level.model) for one in near if one.effect not in fitted], task, pool)
-        yield self._judged(self._longer(more[: policy.FINISHED]), now, scores)
+        yield self._validated(self._longer(more[: policy.FINISHED]), now, scores)
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
+        """The trials on segments of the length of the unseen ones, see ``halving``."""
         return halving(trials, self.task, self.unseen.horizon_s, self.pool)
 
     def _with_range(self, trials: Sequence[Trial], level: Level, may: Sequence[str]) -> list[Trial]:
-        """With the limit of the sensor's range where readings saturate: such segments are missed, and left out of the
-        score test."""
+        """The trials, and where readings saturate that with a limited range of the sensor (may: the candidates).  The
+        score test does not see it, as segments with saturated readings are missed and left out."""
         railed = at_its_rail(level.model, self.task.experiments) if RANGE in may else None
         return [*trials, repaired_trial(RANGE, railed, level, self.task)] if railed else list(trials)
 
-    def _judged(self, trials: Sequence[Trial], now: SegmentFit, scores: Scores) -> Proposals[SegmentFit]:
-        """With predictions; segments that one has lost start in the state of another one that has not.  Only the best
-        trial when the time is up."""
+    def _validated(self, trials: Sequence[Trial], now: SegmentFit, scores: Scores) -> Proposals[SegmentFit]:
+        """The trials with their predictions, only the best one when the time is up; now: the present fit; scores: the
+        score test that proposed them."""
         if is_over():
             trials = sorted(trials, key=lambda trial: trial.level.typical)[:1]
-        judged = self.unseen.judge_each([trial.level.model for trial in trials], now.unseen)
+        validations = self.unseen.validate_each([trial.level.model for trial in trials], now.unseen)
         fits = [
             (one.effect, SegmentFit(one.level, one.short or one.level, own))
-            for one, own in zip(trials, judged, strict=True)
+            for one, own in zip(trials, validations, strict=True)
         ]
         rest = tuple(d.effect for d in scores.directions if d.effect not in {trial.effect for trial in trials})
         return Proposals(
@@ -172,7 +181,7 @@ class ShortSegments:
         )
 
     def accepted(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
-        """The fit on longer segments, with another effect that delays where that explains more."""
+        """The fit on longer segments; with another effect that delays a signal, where that one predicts better."""
         if math.isfinite(fit.floor):
             return fit
         fit = self._with_best_delay(fit, now)
@@ -187,7 +196,7 @@ class ShortSegments:
         if not swapped or not (now.is_far or any(get_effect(effect).delays_by for effect in new)):
             return fit
         trials = self._longer(full_fits([("", fit.model), *swapped], self.task, self.pool))
-        others = [one for _, one in self._judged(trials, fit, Scores()).fits]
+        others = [one for _, one in self._validated(trials, fit, Scores()).fits]
         best = min([fit, *others], key=lambda one: one.rms)
         alike = [one for one in [fit, *others] if not self._is_better(best, one, len(others))]
         kept = fit if fit in alike else best
@@ -200,17 +209,21 @@ class ShortSegments:
         return predictions.gain > policy.LEAST_GAIN and tried * predictions.p_value < policy.FALSE_NAME
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
-        """The fit without an effect, from the initial states of the one with it; on longer segments only where it does
-        not fall behind."""
+        """The fit of the model without one of its effects, from the initial states of the fit with it.  It is grown to
+        longer segments only where its error is less than ``policy.BEHIND`` times that with the effect."""
         short = repaired_trial("", without(fit.model, effect), fit.level, self.task).level
         is_behind = short.typical > policy.BEHIND * max(fit.level.typical, 1.0)
         level = short if is_behind else grown(short, self.task)
-        return SegmentFit(level, short, self.unseen.judge(level.model, fit.unseen), fit.floor, fit.alike)
+        return SegmentFit(level, short, self.unseen.validate(level.model, fit.unseen), fit.floor, fit.alike)
 
     def predictions(self, one: SegmentFit, other: SegmentFit, *, of_all: bool = False) -> Predictions:
-        """Errors of unseen segments, each with the better of the initial states that both have found.  A limit of the
-        sensor's range is read off the readings, not fitted: the recordings of the fit judge it, too."""
-        less, more = self.unseen.again(one.unseen, other.unseen), self.unseen.again(other.unseen, one.unseen)
+        """The squared errors of two fits on the unseen segments, each with the better of the initial states of both.
+        If they differ by a limited range of the sensor, the recordings of the fit are predicted as well, as the limit
+        is read off the readings and not fitted."""
+        less, more = (
+            self.unseen.with_better_states(one.unseen, other.unseen),
+            self.unseen.with_better_states(other.unseen, one.unseen),
+        )
         own, wide = {*one.model.effects}, {*other.model.effects}
         if wide - own != {RANGE} or own - wide:
             return compared(less, more)
@@ -219,22 +232,25 @@ class ShortSegments:
         return compared(replace(less, parts=(*less.parts, *before)), replace(more, parts=(*more.parts, *after)))
 
     def least_gain(self, fit: SegmentFit, now: SegmentFit) -> float:
-        """More where the error stays far from the noise: almost any effect shifts impacts, and improves some.  Near it
-        the share of what exceeds the noise: an effect that raises the error by 1 % can be significant."""
+        """``policy.FAR_GAIN`` where the error stays far from the noise, as almost any effect shifts impacts and
+        improves some.  Near the noise ``policy.LEAST_GAIN`` of the part of the squared error that exceeds the noise, as
+        an effect that raises the error by 1 % can be significant."""
         if fit.rms >= policy.FAR * now.floor:
             return policy.FAR_GAIN
         return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, 0.0)
 
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
-        """Whether an amplitude differs from zero by three standard deviations: otherwise only the initial values of an
-        effect's states explain something, as those of a second mode that is neither driven nor damped explain a hum."""
+        """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard
+        deviations.  Otherwise only the initial values of its states explain something, as those of a second mode that
+        is neither driven nor damped explain a hum."""
         names = [f"{effect}.{name}" for name in get_effect(effect).amplitudes]
         own = [e for e in fit_of(fit.level, self.task).estimates if e.name in names]
         return not own or any(abs(e.value) > policy.UNSIZED * (e.high - e.low) / 2 for e in own)
 
 
 def _exchanged(model: Model, other: Model) -> tuple[str, str] | None:
-    """The effect that another model has another one for, and that; None where they are the same or differ by more."""
+    """The effect of a model in the place of which another model has another effect, and that effect; None where the
+    effects are the same or differ by more."""
     own = [effect for effect in model.effects if effect not in other.effects]
     new = [effect for effect in other.effects if effect not in model.effects]
     return (own[0], new[0]) if len(own) == len(new) == 1 else None

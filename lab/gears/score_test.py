@@ -1,9 +1,11 @@
-"""The score test: does an effect of small amplitude explain part of a residual?  No refits, no selection.
+"""The score test (Lagrange multiplier test) of whether an effect of small amplitude explains part of a residual.
 
 Near the noise the model is linear in small changes: r = A dz + B dx + c a + noise, with the derivatives A by the fitted
-parameters, B by the start states, and c by the amplitude of an effect at zero.  Projected off A and B, what c explains
-is T = (c'r)²/c'Gamma c.  The p-value is that of the largest T of the whole catalogue among residuals that are noise of
-the same colour (a bootstrap of the search, not of one effect), which corrects for the number of effects.
+parameters, B by the initial states, and c by the amplitude a of an effect at zero.  With r and c projected off A and B,
+and Gamma the covariance of the noise, the statistic is T = (c'r)²/(c' Gamma c).  It is compared with the largest T of
+the whole catalogue for noise of the same colour (a parametric bootstrap of the search, not of one effect), which
+corrects for the number of effects.  Nothing is fitted here.  The likelihood of gears selects its candidates by this
+test.
 """
 
 from __future__ import annotations
@@ -32,8 +34,11 @@ DRAWS = 400
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A direction in which an effect is tested: the model with a small amplitude, the statistic T (chi-squared with one
-    degree of freedom in white noise), and the estimated factor of the amplitude."""
+    """The test of one shape of an effect.
+
+    model: with the effect at a small amplitude; statistic: T, chi-squared with one degree of freedom for noise;
+    amplitude: estimate of the amplitude, in units of that of ``model``.
+    """
 
     effect: str
     model: Model
@@ -42,27 +47,28 @@ class Direction:
 
     @property
     def possible(self) -> bool:
-        """Whether the effect may have the estimated sign; gravity may, with the opposite phase."""
+        """Whether the bounds of the amplitudes allow the sign of the estimate."""
         names = (f"{self.effect}.{name}" for name in get_effect(self.effect).amplitudes)
         return self.amplitude > 0 or all(self.model.parameters[name].low < 0 for name in names)
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """directions: the best of each effect, largest statistic first; null: (DRAWS,) the largest statistic of each search
-    where nothing is missing."""
+    """The result of a score test.  directions: the best shape of each effect, largest statistic first; null: the
+    largest statistic of the whole search in each draw of noise (DRAWS,)."""
 
     directions: tuple[Direction, ...] = ()
     null: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     @property
     def limit(self) -> float:
-        """The 95 % quantile of the largest statistic where nothing is missing."""
+        """The quantile 1 - ``policy.FALSE_NAME`` of the largest statistic for noise."""
         return float(np.quantile(self.null, 1 - policy.FALSE_NAME))
 
     @property
     def detectable(self) -> dict[str, tuple[str, float]]:
-        """The amplitude at which each effect's statistic exceeds the limit with probability 1/2."""
+        """By effect, the name of its first amplitude and the value of it at which the statistic exceeds the limit with
+        probability 1/2."""
         sizes = {}
         for d in self.directions:
             if (names := get_effect(d.effect).amplitudes) and d.statistic > 0:
@@ -74,7 +80,8 @@ class Scores:
 def score_test(
     level: Level, effects: Sequence[str], substep_s: float, pool: Executor, rng: np.random.Generator
 ) -> Scores:
-    """Tests effects on a fit, without its missed segments."""
+    """Tests effects on the residual of a fit, on the segments that its model does not miss; rng: for the draws of
+    noise."""
     segments = followed_segments(level, substep_s)
     linearised = partial(Segment.linearised, model=level.model, unknowns=level.unknowns, z=level.z, substep_s=substep_s)
     every = list(pool.map(linearised, segments))
@@ -111,7 +118,8 @@ def score_test(
 def _columns(
     model: Model, before: Model, segments: Sequence[Segment], residuals: Sequence[FloatArray], substep_s: float
 ) -> list[FloatArray] | None:
-    """The derivative of the residual of each segment by the amplitude; None where the model cannot be run."""
+    """The change of the residual of each segment (M_i,) by an effect of small amplitude; model, before: with and
+    without it; residuals: without it.  None where the motion cannot be simulated."""
     changes = []
     for segment, r in zip(segments, residuals, strict=True):
         own = segment.experiment.model(model)
@@ -123,7 +131,7 @@ def _columns(
 
 
 class _Projection:
-    """Projects a residual off the shared parameters and the initial states of all segments."""
+    """The projection off the derivatives by the shared parameters and by the initial states of all segments."""
 
     def __init__(self, blocks: Sequence[Linearised]) -> None:
         self._starts = [np.linalg.qr(block.B)[0] for block in blocks]
@@ -131,7 +139,7 @@ class _Projection:
         self._parameters = np.linalg.qr(A)[0]
 
     def __call__(self, parts: Sequence[FloatArray]) -> FloatArray:
-        """The residuals of all segments (M_i,), or several of each (M_i, K), as one, projected (M,) or (M, K)."""
+        """The projection (M,) or (M, K) of the residuals of all segments, (M_i,) or (M_i, K) each, in one array."""
         whole = np.concatenate([self._off(q, part) for q, part in zip(self._starts, parts, strict=True)])
         return np.asarray(whole - self._parameters @ (self._parameters.T @ whole))
 

@@ -1,9 +1,9 @@
-"""Candidate effects for gears: rough fits of a model with one more effect, from several initial values.  No selection
-here.
+"""Trials of candidate effects for gears: fits of a model with one more effect, from several initial values.
 
-The score test gives initial values of an effect.  Far from the noise, an effect on the gears shifts all impacts, and
-the play fitted without it is wrong: there a search with observers, over effect and play together, selects the effects
-to fit.  Successive halving on longer and longer segments then eliminates wrong ones.
+The score test gives initial values of an effect.  Far from the noise an effect shifts all impacts, and the play fitted
+without it is wrong; there a search with observers over effect and play together gives them.  Successive halving on
+longer and longer segments then eliminates wrong effects.  The likelihood of gears (likelihood.py) chooses among these
+functions.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ __all__ = [
 ]
 
 FEW_STEPS = 6
-"""Steps of a fit that compares effects, or numbers of teeth."""
+"""Steps of fits that only compare effects, or numbers of teeth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fit with one more effect; short: the one on the shortest segments that it grew from, where there is one."""
+    """A fit with one more effect; short: the fit on the shortest segments from which it was grown, if there is one."""
 
     effect: str
     level: Level
@@ -57,43 +57,45 @@ class Trial:
 def near_trials(
     level: Level, directions: Sequence[Direction], task: Task, pool: Executor, iterations: int = 15
 ) -> list[Trial]:
-    """Fits on the same segments, each beginning at the amplitude of the score test; best first."""
+    """Fits with each of these effects on the segments of a level, from the amplitudes of the score test; best first."""
     levels = pool.map(partial(_with_direction, level=level, task=task, iterations=iterations), directions)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
 
 def full_trials(near: Sequence[Trial], effect: str, task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments that begin at those of ``near_trials``: at the one with the least error, at that with
-    this effect, which has the largest statistic, and at those with a simpler law of which one of them is a more general
-    one; best first."""
+    """Fits on all of the shortest segments that begin at some of ``near_trials``, best first: at the one with the least
+    error, at that of ``effect``, which has the largest statistic, and at those of the simpler laws of which these two
+    are generalisations."""
     asked = {effect, *(trial.effect for trial in near[:1])}
     asked |= {part.effect for name in asked if (part := get_effect(name).simpler)}
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial.effect in asked], task, pool)
 
 
 def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all short segments with those of the effects of least prediction error of observers; best first."""
+    """Fits on all of the shortest segments with those effects that have the least prediction errors of observers, best
+    first."""
     return full_fits([(one.effect, one.model) for one in search_effects(base, effects, task, pool)], task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
-    """The fit of a model with other effects from a level's initial states; those of missed segments are searched for
-    again."""
+    """The fit of a model with other effects from the initial states of a level, after those of missed segments were
+    searched for again."""
     return Trial(
         effect, repaired_fit(model, Unknowns.of(model, task.rough), _segments(model, level), task, policy.LOST_SHARE)
     )
 
 
 def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) -> list[Trial]:
-    """The models with their effects fitted on all short segments, best first."""
+    """Fits of these models, each with the name of its effect, on all of the shortest segments; best first."""
     levels = pool.map(partial(full_fit, task=task, max_missed=policy.LOST_SHARE), [model for _, model in begin])
     return _ordered([Trial(effect, level, level) for (effect, _), level in zip(begin, levels, strict=True)])
 
 
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
-    """The trials on longer and longer segments, up to this length, without those that fall behind the best."""
+    """The trials after fits on longer and longer segments, up to ``horizon_s`` [s]; at each length those are left out
+    whose error is ``policy.BEHIND`` times that of the best (successive halving).  Best first."""
     trials = _ordered(list({trial.effect: trial for trial in reversed(_ordered(full))}.values()))
-    trials[:1] = [_recounted(trial, task, pool) for trial in trials[:1]]
+    trials[:1] = [_with_best_numbers(trial, task, pool) for trial in trials[:1]]
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
         running = [trial for trial in trials if trial.level.typical < limit]
@@ -107,8 +109,9 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
 
 
 def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
-    """The alternatives to each effect that delays, with the same delay: a delay, a lag of the actuator and a lag of the
-    sensor are equal to first order in their time."""
+    """The models in which an added effect that delays a signal is replaced by another such effect with the same delay,
+    each with the name of the new effect.  A delay, a lag of the actuator and a lag of the sensor are equal to first
+    order in their time constants."""
     possible = [effect for effect in others(model) if get_effect(effect).delays_by]
     for old in task.added(model):
         if own := get_effect(old).delays_by:
@@ -117,8 +120,8 @@ def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
                 yield new, in_place(model, old, new).replace({f"{new}.{get_effect(new).delays_by}": delay})
 
 
-def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
-    """The trial with whole numbers (of teeth) nearby tried as well, until none is better."""
+def _with_best_numbers(trial: Trial, task: Task, pool: Executor) -> Trial:
+    """The trial with the best whole numbers (of teeth): numbers nearby are tried until none of them is better."""
     whole = [f"{trial.effect}.{name}" for name, p in trial.level.model.own(trial.effect).items() if p.domain.is_whole]
     best = trial.level
     for name in whole:
@@ -135,7 +138,7 @@ def _recounted(trial: Trial, task: Task, pool: Executor) -> Trial:
 
 
 def _repaired(level: Level, task: Task) -> Level:
-    """A few steps from a level's values, twice; in between, initial states of missed segments are searched for
+    """The level after a few more steps, a new search for the initial states of missed segments, and a few steps
     again."""
     once = refined(level, task, FEW_STEPS)
     starts = repaired(once.model, once.segments, task.substep_s, policy.LOST_SHARE)
@@ -143,11 +146,13 @@ def _repaired(level: Level, task: Task) -> Level:
 
 
 def _ordered(trials: Sequence[Trial]) -> list[Trial]:
+    """The trials with a finite error, best first."""
     return sorted((t for t in trials if np.isfinite(t.level.typical)), key=lambda trial: trial.level.typical)
 
 
 def _with_direction(direction: Direction, level: Level, task: Task, iterations: int) -> Level:
-    """The level's fit with one more effect, with the amplitude of the score test, within its bounds."""
+    """The fit with one more effect on the segments of a level, from the amplitude of the score test, within its
+    bounds."""
     model, values = direction.model, {}
     for name in get_effect(direction.effect).amplitudes:
         parameter = model.parameters[full := f"{direction.effect}.{name}"]
@@ -160,7 +165,7 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
 
 
 def _segments(model: Model, level: Level) -> list[Segment]:
-    """A level's segments for a model with other effects."""
+    """The segments of a level with initial states for a model with other effects."""
     return [
         replace(
             segment,

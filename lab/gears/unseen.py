@@ -1,5 +1,8 @@
-"""The predictions of a fit on an experiment that it has not seen.  Only initial states are estimated there, no
-parameters."""
+"""The predictions of fits on an experiment that no fit has used, in segments.
+
+Only the initial states of the segments are estimated there, no parameters.  The likelihood of gears compares models by
+these predictions.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +28,20 @@ from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["LONGER", "Judged", "Unseen", "compared", "is_left"]
+__all__ = ["LONGER", "Unseen", "Validation", "compared", "exceeds_noise"]
 
 LONGER = 1.2
-"""Longest segment, times the requested length."""
+"""Largest ratio of the length of segments to the requested length."""
 POLISHED = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """A model on unseen segments: parts: r of every segment in units of the noise (S arrays), infinite where it cannot
-    be simulated; segments: with the estimated initial states."""
+class Validation:
+    """The errors of a model on S unseen segments.
+
+    parts: the residual of each segment, in units of the noise, infinite where the motion cannot be simulated; segments:
+    with their estimated initial states.
+    """
 
     model: Model
     parts: tuple[FloatArray, ...]
@@ -43,43 +49,44 @@ class Judged:
 
     @cached_property
     def errors(self) -> FloatArray:
-        """Root mean square of r of every segment (S,)."""
+        """Root mean square of the residual of each segment (S,)."""
         return np.array([np.sqrt(np.mean(part**2)) for part in self.parts])
 
     @property
     def usual(self) -> float:
-        """The error of a segment that is surely followed."""
+        """The quantile 1 - ``policy.LOST_SHARE`` of the errors, that of a segment which the model surely follows."""
         return float(np.quantile(self.errors, 1 - policy.LOST_SHARE, method="lower"))
 
     @cached_property
     def kept(self) -> list[int]:
-        """The segments that are not lost, best first."""
+        """The numbers of the segments that are not lost (``policy.LOST``), the one with the least error first."""
         return [int(i) for i in np.argsort(self.errors) if self.errors[i] <= policy.LOST * self.usual]
 
     @cached_property
     def error(self) -> float:
-        """Root mean square of r without lost segments."""
+        """Root mean square of the residuals of all segments that are not lost."""
         return float(np.sqrt(np.mean(np.concatenate([self.parts[i] for i in self.kept]) ** 2)))
 
     def of(self, column: str) -> float:
-        """Error of a column in its unit, without lost segments; infinite where the model could not be run."""
+        """The error of a column in its unit, without lost segments; infinite where the model cannot be simulated."""
         return rms_by_column([(self.segments[i], self.parts[i]) for i in self.kept]).get(column, math.inf)
 
 
-def compared(one: Judged, other: Judged) -> Predictions:
-    """Squared errors of two models on the same segments, in blocks of the residual of the second.
+def compared(one: Validation, other: Validation) -> Predictions:
+    """The squared errors of two models on the same segments, in blocks of the residual of the second.
 
-    Lost segments count too, as segments that few models predict discriminate best; but their error counts as a multiple
-    of the usual one of the better model at most, as chaotic ones are arbitrary.  They say nothing about how long a
-    residual is correlated: with one of four segments set to a constant, a block was as long as a segment.
+    Lost segments are compared as well, as segments that few models predict discriminate best.  Their errors are clipped
+    at ``policy.MISSED`` times the usual error of the better model, as those of chaotic ones are arbitrary.  The length
+    of blocks follows from the other segments: with one of four segments set to a constant, a block was as long as a
+    segment.
     """
     most = policy.MISSED * min(one.usual, other.usual)
     before, after = (
         np.concatenate([
             part if error < most else np.full(part.size, most)
-            for part, error in zip(judged.parts, judged.errors, strict=True)
+            for part, error in zip(validation.parts, validation.errors, strict=True)
         ])
-        for judged in (one, other)
+        for validation in (one, other)
     )  # fmt: skip
     followed = [part for part, error in zip(other.parts, other.errors, strict=True) if error < most]
     length = policy.BLOCK_CORRELATIONS * correlation(np.concatenate(followed or [after]))
@@ -87,55 +94,56 @@ def compared(one: Judged, other: Judged) -> Predictions:
     return Predictions(before**2, after**2, block)
 
 
-def is_left(judged: Judged) -> bool:
-    """Whether the residual of the segments that are surely followed, those with the smallest errors, is more than
-    noise."""
-    best = judged.kept[: math.ceil((1 - policy.LOST_SHARE) * judged.errors.size)]
-    return judged.error > policy.UNLIKE_NOISE or is_structured([judged.parts[i] for i in best])
+def exceeds_noise(validation: Validation) -> bool:
+    """Whether the residual of a model is more than noise: it is larger than ``policy.UNLIKE_NOISE``, or has structure
+    in the segments with the smallest errors, which the model surely follows."""
+    best = validation.kept[: math.ceil((1 - policy.LOST_SHARE) * validation.errors.size)]
+    return validation.error > policy.UNLIKE_NOISE or is_structured([validation.parts[i] for i in best])
 
 
 @dataclass(frozen=True, eq=False)
 class Unseen:
-    """An unseen experiment and the length of its segments."""
+    """An unseen experiment, the task of the fits, the length of its segments [s], and an executor."""
 
     experiment: Experiment
     task: Task
     horizon_s: float
     pool: Executor
 
-    def judge(self, model: Model, *others: Judged) -> Judged:
-        """Validates the model in segments of about this length, with estimated initial states; others: further initial
-        guesses of these."""
-        return self.again(_judged_on(self, model, *others), *others)
+    def validate(self, model: Model, *others: Validation) -> Validation:
+        """The errors of a model in segments of about this length, with estimated initial states; others: validations
+        whose initial states are guesses for these."""
+        return self.with_better_states(_validated_on(self, model, *others), *others)
 
-    def judge_each(self, models: Sequence[Model], *others: Judged) -> list[Judged]:
-        """Validates several models in parallel, with the initial states of each as guesses for the others."""
-        first = list(self.pool.map(self.judge, models, *([other] * len(models) for other in others)))
-        return [self.again(own, *first) for own in first]
+    def validate_each(self, models: Sequence[Model], *others: Validation) -> list[Validation]:
+        """The errors of several models, each with the initial states of the others as guesses for its own."""
+        first = list(self.pool.map(self.validate, models, *([other] * len(models) for other in others)))
+        return [self.with_better_states(own, *first) for own in first]
 
-    def again(self, judged: Judged, *others: Judged) -> Judged:
-        """Validates again: segments that this model has lost and another one has not start in the state of the other
-        one, as the motion of bar and joint is the same."""
-        model, segments, step = judged.model, list(judged.segments), self.task.substep_s
-        best = [min(others, key=lambda other: float(other.errors[i]), default=judged) for i in range(len(segments))]
-        lost = [i for i, other in enumerate(best) if judged.errors[i] > policy.LOST * other.errors[i]]
+    def with_better_states(self, validation: Validation, *others: Validation) -> Validation:
+        """The validation in which segments that this model has lost and another one has not begin in the state of the
+        other one, as the motion of bar and joint is the same."""
+        model, segments, step = validation.model, list(validation.segments), self.task.substep_s
+        best = [min(others, key=lambda other: float(other.errors[i]), default=validation) for i in range(len(segments))]
+        lost = [i for i, other in enumerate(best) if validation.errors[i] > policy.LOST * other.errors[i]]
         if not lost:
-            return judged
+            return validation
         for i in lost:
             segments[i] = _polished(model, segments[i], _state_of(model, best[i].segments[i], best[i].model), step)
-        return Judged(model, tuple(residuals(model, segments, step)), tuple(segments))
+        return Validation(model, tuple(residuals(model, segments, step)), tuple(segments))
 
 
-def _judged_on(unseen: Unseen, model: Model, *others: Judged) -> Judged:
-    """From the states of the others where these lead to the noise in every segment: no other state is better there.
-    Else from scans of the shortest segments, on longer and longer ones."""
+def _validated_on(unseen: Unseen, model: Model, *others: Validation) -> Validation:
+    """The errors of a model with initial states from another validation, if these lead to errors near the noise in
+    every segment, as no other states are better then; else from scans of the shortest segments, on longer and longer
+    ones."""
     whole, task, horizon_s = unseen.experiment, unseen.task, unseen.horizon_s
     step, halvings = task.substep_s, task.halvings
     for other in others:
         near = [_segment_with(model, segment, other.model, step) for segment in other.segments]
-        judged = Judged(model, tuple(residuals(model, near, step)), tuple(near))
-        if np.all(judged.errors < policy.LOST):
-            return judged
+        validation = Validation(model, tuple(residuals(model, near, step)), tuple(near))
+        if np.all(validation.errors < policy.LOST):
+            return validation
     pieces = tiles(whole, halvings)
     guesses = observed_states(model, pieces, [whole], task)
     segments = repaired(model, with_initial_states(model, pieces, guesses, task), step)
@@ -144,21 +152,23 @@ def _judged_on(unseen: Unseen, model: Model, *others: Judged) -> Judged:
         segments = repaired(model, merged(segments, [whole], halvings), step)
         also = [guesses.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
         segments = tuple(_polished(model, segment, state, step) for segment, state in zip(segments, also, strict=True))
-    return Judged(model, tuple(residuals(model, segments, step)), tuple(segments))
+    return Validation(model, tuple(residuals(model, segments, step)), tuple(segments))
 
 
 def _segment_with(model: Model, there: Segment, other: Model, substep_s: float) -> Segment:
-    """Another model's segment for this one, whose initial state begins at that of the other."""
+    """The segment of another model, with an initial state for this model that is fitted from that of the other one."""
     state = _state_of(model, there, other)
     segment = replace(there, scale=state_scales(model, there.experiment), start=state[0])
     return _polished(model, segment, None, substep_s)
 
 
 def _state_of(model: Model, there: Segment, other: Model) -> FloatArray:
+    """The initial state of another model's segment as one of this model (1, n)."""
     return start_with(there.experiment.model(model), there, other.state_names)[None]
 
 
 def _polished(model: Model, segment: Segment, also: FloatArray | None, substep_s: float) -> Segment:
+    """The segment with the best initial state that a few steps from its own and from other guesses (K, n) lead to."""
     own = segment.experiment.model(model)
     states = segment.start[None] if also is None else np.vstack([segment.start, also])
     return segment.starting(polished(own, segment, states, substep_s, POLISHED)[0])

@@ -16,7 +16,7 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
-from lostmotion.lab.gears.unseen import Judged, Unseen
+from lostmotion.lab.gears.unseen import Unseen, Validation
 from lostmotion.lab.observer.filter import STRONG, TIGHT, WEAK
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
@@ -97,7 +97,7 @@ def test_a_hum_is_no_second_mode(hidden: str) -> None:
     assert level.rms < 0.7 * base.rms
     with ThreadPoolExecutor(1) as pool:
         likelihood = ShortSegments(base, Unseen(held[-1], task, 0.25, pool))
-        fit = SegmentFit(level, level, Judged(level.model, ()))
+        fit = SegmentFit(level, level, Validation(level.model, ()))
         assert likelihood.is_sized("second_mode", fit) is (hidden == "second_mode")
 
 

@@ -19,7 +19,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.gears import likelihood, score_test
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.trials import Trial
-from lostmotion.lab.gears.unseen import Judged, Unseen
+from lostmotion.lab.gears.unseen import Unseen, Validation
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.shooting.continuation import Level, tiles
@@ -147,10 +147,10 @@ class Draw:
         )
         return old - fitted @ (inverse @ old), new - unseen @ (inverse @ old)
 
-    def judged(self, model: Model) -> Judged:
+    def judged(self, model: Model) -> Validation:
         """Predictions of such a fit."""
         ends = np.cumsum([r.size for r in self.unseen])[:-1]
-        return Judged(model, tuple(np.split(self.solved(model)[1], ends)))
+        return Validation(model, tuple(np.split(self.solved(model)[1], ends)))
 
     def tried(self, level: Level, asked: Sequence[score_test.Direction], *rest: object) -> list[Trial]:
         """Fits with each of these effects."""
@@ -166,7 +166,7 @@ class LinearUnseen(Unseen):
 
     draw: Draw | None = None
 
-    def judge_each(self, models: Sequence[Model], *others: Judged) -> list[Judged]:
+    def validate_each(self, models: Sequence[Model], *others: Validation) -> list[Validation]:
         """Predictions of linear fits."""
         assert self.draw
         return [self.draw.judged(model) for model in models]
@@ -178,7 +178,7 @@ class Linear(ShortSegments):
 
     def first(self) -> SegmentFit:
         """Without any effect."""
-        (judged,) = self.unseen.judge_each([MODEL])
+        (judged,) = self.unseen.validate_each([MODEL])
         return SegmentFit(self.short, self.short, judged, 1.0)
 
     def accepted(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:

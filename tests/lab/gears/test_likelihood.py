@@ -30,9 +30,9 @@ def test_which_one_it_is(hidden: str, met: str, time_s: float) -> None:
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(last, task, 0.5, pool)
         short = full_fit(model, task)
-        now = SegmentFit(short, short, unseen.judge(short.model), 1.0)
+        now = SegmentFit(short, short, unseen.validate(short.model), 1.0)
         level = full_fit(model.with_effect(met).replace({f"{met}.T": 0.8 * time_s}), task)
-        fit = SegmentFit(level, level, unseen.judge(level.model))
+        fit = SegmentFit(level, level, unseen.validate(level.model))
         found = ShortSegments(short, unseen).accepted(fit, now)
     assert found.model.effects == (hidden,)
     assert found.model.parameters[f"{hidden}.T"].value == pytest.approx(time_s, rel=0.03 if hidden != met else 0.1)
@@ -67,7 +67,7 @@ def test_without_an_effect_a_fit_begins_where_it_ended_with_it() -> None:
     assert level is not None
     with ThreadPoolExecutor(2) as pool:
         likelihood = ShortSegments(level, Unseen(held[1], task, 0.25, pool))
-        fit = SegmentFit(level, level, likelihood.unseen.judge(level.model), 1.0)
+        fit = SegmentFit(level, level, likelihood.unseen.validate(level.model), 1.0)
         less, same = (likelihood.without(effect, fit) for effect in ("viscous_friction", "hardening_spring"))
     assert less.short.typical > 1.85 * level.typical
     assert less.level is less.short

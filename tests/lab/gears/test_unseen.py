@@ -14,7 +14,7 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.data.whiteness import is_structured
 from lostmotion.lab.fitting.strategy import full_fit
-from lostmotion.lab.gears.unseen import Judged, Unseen, compared, is_left
+from lostmotion.lab.gears.unseen import Unseen, Validation, compared, exceeds_noise
 from lostmotion.lab.shooting.continuation import residuals
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
@@ -31,9 +31,9 @@ def coloured(rng: np.random.Generator) -> FloatArray:
     return np.asarray(lfilter([np.sqrt(1 - 0.7**2)], [1, -0.7], white)[:, 100:])
 
 
-def judged(r: FloatArray) -> Judged:
+def judged(r: FloatArray) -> Validation:
     """A model that leaves these residuals."""
-    return Judged(MODEL, tuple(r))
+    return Validation(MODEL, tuple(r))
 
 
 def test_equally_wrong_models_seem_better_as_rarely_as_the_level_says() -> None:
@@ -90,9 +90,9 @@ def test_what_is_left_is_told_by_the_segments_that_are_followed_best() -> None:
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(last, task, 0.5, pool)
         level = full_fit(MODEL.with_effect("coulomb_friction").replace({"coulomb_friction.tau_c": 5e-4}), task)
-        found = unseen.judge(level.model)
+        found = unseen.validate(level.model)
     assert is_structured([found.parts[i] for i in found.kept])
-    assert not is_left(found)
+    assert not exceeds_noise(found)
 
 
 def test_segments_at_the_noise_are_not_searched_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,10 +103,10 @@ def test_segments_at_the_noise_are_not_searched_for_again(monkeypatch: pytest.Mo
     near, far = MODEL.replace({"k": 1.0005 * GEARS["k"]}), MODEL.replace({"d": 0.7 * GEARS["d"]})
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(experiment, task, 0.25, pool)
-        known, alone, lost = (unseen.judge(model) for model in (MODEL, near, far))
-        assert np.all(unseen.judge(far, known).errors < 1.01 * lost.errors)
+        known, alone, lost = (unseen.validate(model) for model in (MODEL, near, far))
+        assert np.all(unseen.validate(far, known).errors < 1.01 * lost.errors)
         monkeypatch.setattr("lostmotion.lab.gears.unseen.with_initial_states", None)
-        np.testing.assert_allclose(unseen.judge(near, known).errors, alone.errors, rtol=0.01)
+        np.testing.assert_allclose(unseen.validate(near, known).errors, alone.errors, rtol=0.01)
     assert np.any(lost.errors > policy.LOST)
 
 
@@ -116,12 +116,12 @@ def test_a_lost_segment_begins_where_another_model_follows_it() -> None:
     task = Task.of(MODEL, [experiment], {"accel": 0.2})
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(experiment, task, 0.25, pool)
-        good = unseen.judge(MODEL)
+        good = unseen.validate(MODEL)
         segments = list(good.segments)
         off = segments[1].start + np.array([0.004, 3.0, 0.0, 0.0])
         segments[1] = segments[1].starting(off)
         poor = replace(good, segments=tuple(segments), parts=tuple(residuals(MODEL, segments, task.substep_s)))
-        again = unseen.again(poor, good)
+        again = unseen.with_better_states(poor, good)
     assert poor.errors[1] > 3 * good.errors[1]
     np.testing.assert_allclose(again.errors, good.errors, rtol=1e-3)
     assert good.error == pytest.approx(1.0, abs=0.15)
