@@ -60,35 +60,37 @@ class Channel:
         whole = [Signals.of(one) for one in experiments]
         _check_sizes(whole)
         widest = max(one.band_hz for one in whole)
-        found = []
-        for share in SHARES:
-            usual = _UsualJoint.of([Signals.of(one, True, share * widest) for one in experiments])
-            is_reversed = bool(usual and usual.fit().is_reversed)
-            if usual and is_reversed:
-                usual = replace(usual, sign=-1.0)
-            delay_s, fit = _delayed(usual) if usual else (0.0, None)
-            found.append((cls(share * widest, delay_s, is_reversed), fit))
+        found = [cls._of_band(experiments, share * widest) for share in SHARES]
         clear = [
             (one, fit.relative_deviation if fit else math.inf) for one, fit in found if not _is_blurred(fit, found)
         ]
-        least = min(relative_deviation for _, relative_deviation in clear)
+        least = min(deviation for _, deviation in clear)
         is_identified = least < policy.INERTIA_IDENTIFIED
-        channel = next(
-            one
-            for one, relative_deviation in clear
-            if not is_identified or relative_deviation <= policy.BAND_AS_WELL * least
-        )
-        if channel.is_reversed:
+        channel = next(one for one, sd in clear if not is_identified or sd <= policy.BAND_AS_WELL * least)
+        channel._warn(experiments[0].name)
+        return channel
+
+    @classmethod
+    def _of_band(cls, experiments: Sequence[Experiment], end_hz: float) -> tuple[Channel, _JointFit | None]:
+        """The channel with this end of the band [Hz], and the fit with it; None where there are too few samples."""
+        usual = _UsualJoint.of([Signals.of(one, True, end_hz) for one in experiments])
+        if usual is None:
+            return cls(end_hz), None
+        is_reversed = usual.fit().is_reversed
+        delay_s, fit = _delayed(replace(usual, sign=-1.0) if is_reversed else usual)
+        return cls(end_hz, delay_s, is_reversed), fit
+
+    def _warn(self, name: str) -> None:
+        """Reports a reversed sign and a delay; name: of a recording."""
+        if self.is_reversed:
             log.warning(
-                "%s: the torque is counted against the angle, as friction would drive; it is turned round",
-                experiments[0].name,
+                "%s: the torque is counted against the angle, as friction would drive; it is turned round", name
             )
-        if channel.delay_s:
+        if self.delay_s:
             log.warning(
                 "%s: the torque acts %.2g ms %s than it was recorded; this delay is removed",
-                experiments[0].name, 1e3 * abs(channel.delay_s), "later" if channel.delay_s > 0 else "earlier",
+                name, 1e3 * abs(self.delay_s), "later" if self.delay_s > 0 else "earlier",
             )  # fmt: skip
-        return channel
 
     def annotated(self, fit: Fit) -> Fit:
         """The fit with the band and the delay of this channel."""

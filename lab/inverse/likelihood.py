@@ -46,9 +46,7 @@ from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = [
-    "Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbed", "is_noise",
-]  # fmt: skip
+__all__ = ["Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbed", "is_noise"]
 
 
 class Method(Enum):
@@ -65,9 +63,9 @@ class Method(Enum):
 class Fitted:
     """A model of the search with its fits.
 
-    inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  It
+    inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  This
     is a fit to the simulated motion where a joint swings freely, a generalised least-squares fit where the misfit of
-    the torque is whitened, and else the same fit.
+    the torque is whitened, else ``inverse``.
     """
 
     inverse: Regression
@@ -76,9 +74,8 @@ class Fitted:
     @property
     def surest(self) -> Regression:
         """The fit to report: of the least-squares and the generalised least-squares fit of a torque the one with the
-        smaller relative deviations of its effects; else the fit for predictions.  Whitening gives more weight to high
-        frequencies, where the noise of an angle dominates its speed: a viscous friction of 1.0 N m s/rad was 0.31 by
-        least squares and 0.18 by generalised least squares."""
+        smaller relative deviations of its effects.  Whitening gives more weight to high frequencies, where the noise of
+        an angle dominates its speed: a viscous friction of 1.0 N m s/rad was 0.31 by the one and 0.18 by the other."""
         if self.judged is self.inverse or not isinstance(self.judged.data, InverseModel):
             return self.judged
         return min(self.inverse, self.judged, key=uncertainty)
@@ -344,10 +341,9 @@ def is_disturbed(fit: Regression) -> bool:
 def is_noise(residual: FloatArray, floor: float) -> bool:
     """Whether a residual (M,) is no larger than the noise of the sensors within the band; floor: its root mean square.
 
-    The lower end of a 95 % interval of the residual's standard deviation is compared with ``policy.STRUCTURED`` times
-    the noise.  The deviation is estimated by the median absolute deviation, which is robust to transients of the filter
-    at the ends of a recording.  Its relative standard error is 1.17 / sqrt(N) for N independent normal values
-    (asymptotic efficiency 37 %).
+    The lower end of a 95 % interval of its standard deviation is compared with ``policy.STRUCTURED`` times the noise.
+    The deviation is estimated by the median absolute deviation, as that is robust to transients of the filter at the
+    ends of a recording.  Its relative standard error is 1.17 / sqrt(N) for N independent normal values.
     """
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size)) < policy.STRUCTURED * floor
