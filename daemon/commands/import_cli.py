@@ -37,12 +37,16 @@ def import_recording(
     NumPy, JSON, Parquet.
 
     Columns are assigned to series by names and units, and the assignment is printed on stderr; --map sets it.  Without
-    -o nothing is written: the series of FILE and the assignment are listed.
+    -o nothing is written: the series of FILE and the assignment are listed.  Options may stand behind a # in FILE, too.
     """
-    from lostmotion.drivers.formats.choice import parse_map
+    from lostmotion.drivers.formats.choice import parse_map, split_address
     from lostmotion.drivers.formats.source import Choice
 
-    choice = Choice(parse_map(terms), joint, topics, episode, rate_hz)
+    file, own = split_address(file)
+    choice = Choice(
+        {**own.terms, **parse_map(terms)}, joint or own.joint, topics or own.topics,
+        own.episode if episode is None else episode, own.rate_hz if rate_hz is None else rate_hz,
+    )  # fmt: skip
     if output is None:
         _look(file, choice, as_json)
     else:

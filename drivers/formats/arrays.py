@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +45,8 @@ def _columns(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]
 
 
 def open_json(path: Path) -> Table:
-    """Lists of numbers by their keys, or the numbers of a list of objects, one a line or all in one.  What is no JSON
-    is read as text.  Raises RecordingError."""
+    """Lists of numbers by their keys, or the numbers of a list of objects, one a line or all in one; of a list of runs,
+    objects that hold lists, the longest.  What is no JSON is read as text.  Raises RecordingError."""
     check_size(str(path), path.stat().st_size)
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
@@ -55,17 +56,28 @@ def open_json(path: Path) -> Table:
             held = [json.loads(line) for line in text.splitlines() if line.strip()]
         except (ValueError, RecursionError):
             return open_text(path)
-    return table_of(str(path), "JSON", dict(_vectors(held, "", 0)), "as in {'time': [0, 0.01], 'angle': [0.1, 0.2]}")
+    notes: list[str] = []
+    vectors = dict(_vectors(held, "", 0, notes))
+    table = table_of(str(path), "JSON", vectors, "as in {'time': [0, 0.01], 'angle': [0.1, 0.2]}")
+    return replace(table, notes=[*table.notes, *notes])
 
 
-def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The lists of numbers in a value; those of a list of objects are the columns of a table."""
+def _vectors(value: Any, name: str, depth: int, notes: list[str]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The lists of numbers in a value; those of a list of objects are the columns of a table, but where these hold
+    lists of different lengths, or there is one of them, each is a run.  What a person should know is added to notes."""
     if isinstance(value, list) and value and all(isinstance(row, Mapping) for row in value):
+        lengths = [max((len(held) for held in row.values() if isinstance(held, list)), default=0) for row in value]
+        if max(lengths) > 1 and (len(lengths) == 1 or len({*lengths}) > 1):
+            longest = lengths.index(max(lengths))
+            if len(value) > 1:
+                notes.append(f"{name or 'the list'} holds {len(value)} runs: number {longest + 1} is used, the longest")
+            yield from _vectors(value[longest], name, depth, notes)
+            return
         keys = dict.fromkeys(key for row in value for key in row)
         value = {key: [row.get(key) for row in value] for key in keys}
     if isinstance(value, Mapping) and depth < DEEPEST:
         for key, inner in value.items():
-            yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1)
+            yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1, notes)
     elif isinstance(value, list) and len(value) > 1:
         try:
             array = np.array(value, dtype=float)

@@ -85,7 +85,7 @@ def guessed(
             f"{name}: found {listed(series)}, and none that is clearly a column; {_advice(series, clock, moving or {})}"
         )
     used = {one.series for one in chosen.values()}
-    if left := [one for one in series if one.name not in used and not is_time(one.name)]:
+    if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
         notes.append(f"not used: {listed(left)}")
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
 
@@ -119,23 +119,24 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> 
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
     example = _example(series, clock, moving.get("perhaps", ""))
-    return f"assign them, as in {example} (deg, mm: units; rpm: a speed; *FACTOR: counts)"
+    return f"assign them, as in {example} (deg, mm: units; rpm, deg/s: speeds; *FACTOR: counts)"
 
 
 def _example(series: Sequence[Series], clock: str, swings: str) -> str:
-    """How the first series would be assigned, or the one that swings; without a header the first column is most often
-    the time."""
+    """How the first series would be assigned, or the one that swings, and the next one as what drives it, or the one
+    whose name says so; without a header the first column is most often the time."""
     if swings:
         return mapped("position", swings, ":deg")
     names = [one.name for one in series if not is_time(one.name) and one.name != clock]
     if not clock and len(names) == len(series) > 1:
         return f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"
-    first = names[:2] or ["SERIES"]
-    if column := column_of(first[0]):  # one of several, among which none was chosen
-        return mapped(column, first[0])
-    unit = "" if unit_of(first[0], "position") else ":deg"
+    first, *rest = sorted(names, key=is_input) or ["SERIES"]
+    if column := column_of(first):  # one of several, among which none was chosen
+        return mapped(column, first)
+    unit = "" if unit_of(first, "position") else ":deg"
+    drives = [one for one in rest if is_input(one)] or rest
     return ", and ".join(
-        [mapped("position", first[0], unit), *(f"a torque {mapped('torque', one)}" for one in first[1:])]
+        [mapped("position", first, unit), *(f"a torque {mapped('torque', one)}" for one in drives[:1])]
     )
 
 

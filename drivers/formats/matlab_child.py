@@ -1,7 +1,8 @@
 """Reads a MAT file in a process of its own: SciPy's reader may crash on a damaged one, or ask for all memory.
 
 Run as a program with the file's path; it writes an NPZ archive to stdout: ``names``, and a vector for each, ``arr_0``
-and so on.  What is wrong is a line on stderr and exit status 1.  Imports nothing of lostmotion, to start quickly.
+and so on.  What is wrong is a line on stderr and exit status 1.  Imports nothing of lostmotion, to start quickly,
+unless there are objects.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import io
 import resource
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +32,8 @@ def main(path: str) -> int:
 
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     try:
-        found = dict(_vectors(scipy.io.loadmat(path, simplify_cells=True, appendmat=False), "", 0))
+        held = scipy.io.loadmat(path, simplify_cells=True, appendmat=False)
+        found = dict(_vectors(held, "", 0)) | dict(_of_objects(path, held.get("__function_workspace__")))
     except Exception as error:  # noqa: BLE001 - SciPy raises almost anything on a damaged file
         sys.stderr.write(f"{type(error).__name__}: {error}")
         return 1
@@ -63,6 +67,25 @@ def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[A
             yield from _vectors(inner, f"{name}[{index}]", depth + 1)
     elif value.dtype.kind in "iuf" and value.size > 1:
         yield from columns_of(np.squeeze(value), name)
+
+
+def _of_objects(path: str, hidden: NDArray[Any] | None) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The times and values of timeseries, by the names of their variables; none where they cannot be read."""
+    if hidden is None:
+        return
+    from scipy.io import loadmat
+    from scipy.io.matlab import varmats_from_mat
+
+    from lostmotion.drivers.formats.matlab_objects import object_of, timeseries
+
+    with Path(path).open("rb") as file:  # SciPy calls all objects by one name, and keeps the last one only
+        each = [loadmat(one).get("None") for _, one in varmats_from_mat(file)]
+    opaque = [one.flat[0] for one in each if one is not None and one.size]
+    names = {object_of(one["arr"]): one["s0"].decode() for one in opaque}
+    with suppress(Exception):
+        for name, times, values in timeseries(hidden, names):
+            yield f"{name}.time", times
+            yield from columns_of(values, f"{name}.signals.values")
 
 
 def columns_of(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]]]:

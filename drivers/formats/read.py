@@ -19,6 +19,7 @@ from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
 from lostmotion.drivers.formats.table import Table
+from lostmotion.drivers.formats.words import is_angle
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
@@ -114,14 +115,15 @@ def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
 
 def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> bool:
     """Whether goal and angle have no unit, and are beyond the turns of a servo in rad, but within one in degrees; whole
-    numbers may be counts."""
+    numbers may be counts, unless both are called angles."""
     angles = [(one, numbers) for one, numbers in zip(columns, values, strict=True) if one.column in ANGLES]
     if {one.column for one, _ in angles} != {*ANGLES} or any(
         one.unit or one.why == "given" or one.factor != 1 for one, _ in angles
     ):
         return False
     numbers = np.concatenate([each for _, each in angles])
-    return MANY_TURNS <= float(np.abs(numbers).max()) <= 360 and bool((numbers != np.rint(numbers)).any())
+    may_be_counts = bool((numbers == np.rint(numbers)).all()) and not all(is_angle(one.series) for one, _ in angles)
+    return MANY_TURNS <= float(np.abs(numbers).max()) <= 360 and not may_be_counts
 
 
 def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:

@@ -8,13 +8,13 @@ import unicodedata
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPELT", "UNNAMED", "axis_of", "column_of", "is_commanded", "is_input", "is_run", "is_time", "joint_of", "speed_of",
-    "time_rank", "unit_of",
+    "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_input", "is_run", "is_time", "joint_of",
+    "speed_of", "time_rank", "unit_of",
 ]  # fmt: skip
 
 COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
-    "commanded", "cmd", "setpoint", "action", "des",
+    "commanded", "cmd", "setpoint", "action", "actions", "des",
 }  # fmt: skip
 MEASURED = {"actual", "measured", "feedback", "present"}
 """of a position where no other quantity is named, as a command is one: ``FL_1_target`` and ``FL_1_actual``"""
@@ -62,8 +62,9 @@ SPELT = {
     "nm": "N m", "n.m": "N m", "n*m": "N m", "n-m": "N m", "n·m": "N m", "mnm": "mN m", "mn.m": "mN m", "mn*m": "mN m",
     "ncm": "N cm", "n.cm": "N cm", "n*cm": "N cm", "knm": "kN m", "kn": "kN", "newton": "N", "newtons": "N",
     "ma": "mA", "mv": "mV", "a": "A", "amp": "A", "amps": "A", "v": "V", "volt": "V", "volts": "V", "c": "degC",
-    "n": "N", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms",
-    "milliseconds": "ms", "usec": "us", "micros": "us", "microseconds": "us", "meters": "m", "metres": "m",
+    "n": "N", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "millisec": "ms",
+    "millisecond": "ms", "milliseconds": "ms", "usec": "us", "micros": "us", "microsec": "us", "microsecond": "us",
+    "microseconds": "us", "nsec": "ns", "nanosec": "ns", "nanoseconds": "ns", "meters": "m", "metres": "m",
     "m/s2": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2",
 }  # fmt: skip
 UNITS = {
@@ -131,6 +132,11 @@ def _column_of_unit(name: str) -> str | None:
     found = [unit for unit in _last(name) if len(unit) > 1 or name.rstrip().endswith(("]", ")"))]
     columns = {si: column for column, si in COLUMN_UNITS.items() if column in UNIT_SAYS}
     return next((columns[si[0]] for unit in found if (si := to_si(unit)) and si[0] in columns), None)
+
+
+def is_angle(name: str) -> bool:
+    """Whether a name calls a series an angle, as few call the counts of an encoder."""
+    return bool({"angle", "angles"} & {*_words(name)})
 
 
 def is_commanded(name: str) -> bool:

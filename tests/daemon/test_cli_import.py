@@ -63,6 +63,15 @@ def scores(path: str | Path) -> list[float]:
     return [window["score"] for window in json.loads(result.stdout)["windows"]]
 
 
+def test_options_behind_a_hash_are_taken_by_import_too(tmp_path: Path) -> None:
+    """As an error message writes them; an option of its own has precedence."""
+    (tmp_path / "run.csv").write_text("goal,angle\n" + "0.1,0.2\n0.3,0.4\n" * 20)
+    assert "FILE#rate-hz=100" in call("import", tmp_path / "run.csv").stderr
+    for options, step in ([], 0.02), (["--rate-hz", "10"], 0.1):
+        assert call("import", f"{tmp_path / 'run.csv'}#rate-hz=50", "-o", tmp_path / "x.csv", *options).exit_code == 0
+        assert read_recording(tmp_path / "x.csv").time[1] == pytest.approx(step)
+
+
 @pytest.mark.slow
 def test_import_makes_the_same_recording(own: Path, foreign: Path, tmp_path: Path) -> None:
     """What is mapped comes out in SI, with what it was made of; the scores are those of the original."""

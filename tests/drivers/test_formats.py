@@ -22,6 +22,7 @@ from lostmotion.drivers.formats.source import Choice, Term, in_words
 from lostmotion.drivers.formats.words import column_of, joint_of, speed_of, unit_of
 from lostmotion.drivers.recording import read_recording
 from tests.conftest import Measurements
+from tests.drivers.mat_objects import save_timeseries
 
 T = np.arange(200) * 0.01
 ANGLE = 0.5 * np.sin(T)
@@ -137,6 +138,20 @@ def test_plotjuggler_csv(tmp_path: Path) -> None:
     assert found.recording.signal("accel")[0][0] == pytest.approx(0.005, abs=1e-6)
 
 
+@pytest.mark.parametrize("times", [T + 0.5, T**1.1])
+def test_timeseries_of_matlab(times: np.ndarray, tmp_path: Path) -> None:
+    """An object has the name of its variable, the unit of its own name, and its times, evenly spaced or not; damaged,
+    it is none."""
+    path = tmp_path / "swing.mat"
+    save_timeseries(path, "pendulum_angle", "Pendulum angle [deg]", times, np.degrees(ANGLE)[None, None, :])
+    found = read(path)
+    np.testing.assert_allclose(found.recording.columns["position"], ANGLE)
+    np.testing.assert_allclose(found.recording.time, times)
+    assert found.columns[0].series == "pendulum_angle [deg]"
+    path.write_bytes(path.read_bytes().replace(b"timeseries\0", b"timetables\0"))
+    assert "found no vectors of numbers, expected signals; save objects such as timeseries as arrays" in refused(path)
+
+
 def test_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
     """As spreadsheets of half of Europe write it: units stand in the names, milliseconds too."""
     path = tmp_path / "messung.csv"
@@ -211,7 +226,8 @@ def test_a_recording_in_several_files(tmp_path: Path) -> None:
 
 
 def test_a_servo_turns_in_degrees(tmp_path: Path) -> None:
-    """A goal and an angle beyond two turns in rad are degrees; whole numbers, and the angle of a motor, may be more."""
+    """A goal and an angle beyond two turns in rad are degrees; whole numbers, unless both are called angles, and the
+    angle of a motor, may be more."""
     path = tmp_path / "x.csv"
     table = pd.DataFrame({"t": T, "goal": 100 * ANGLE, "position": 99 * ANGLE})
     table.to_csv(path, index=False)
@@ -220,6 +236,9 @@ def test_a_servo_turns_in_degrees(tmp_path: Path) -> None:
     assert any("a servo with a goal does not turn so often" in note for note in found.notes)
     table.round().to_csv(path, index=False)
     np.testing.assert_allclose(read(path).recording.columns["command"], (100 * ANGLE).round())
+    called = table.rename(columns={"goal": "command_angle", "position": "feedback_angle"})
+    called.round().to_csv(path, index=False)
+    np.testing.assert_allclose(read(path).recording.columns["command"], np.radians((100 * ANGLE).round()))
     table.drop(columns="goal").assign(torque=T).to_csv(path, index=False)
     np.testing.assert_allclose(read(path).recording.columns["position"], 99 * ANGLE)
 

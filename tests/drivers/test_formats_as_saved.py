@@ -42,6 +42,27 @@ def test_what_stands_above_the_numbers_is_a_title(title: str, tmp_path: Path) ->
     assert found.time == pytest.approx(T, abs=1e-5)
 
 
+def test_times_without_a_name_are_used(tmp_path: Path) -> None:
+    """Of two columns without names the one that ascends is the time, and is not listed as one that is not used."""
+    path = tmp_path / "pendel.csv"
+    path.write_text(rows(T, SWING, sign=", "))
+    assert not any(note.startswith("not used") for note in read(path).notes)
+
+
+@pytest.mark.parametrize("unit", ["millisec", "milliseconds", "msec"])
+def test_milliseconds_by_any_name(unit: str, tmp_path: Path) -> None:
+    path = tmp_path / "motor.csv"
+    path.write_text(f"time ({unit}),angle (degree)\n" + rows(1000 * T, np.degrees(SWING), sign=","))
+    assert read(path).recording.time == pytest.approx(T, abs=1e-5)
+
+
+def test_the_advice_takes_the_input_for_what_drives(tmp_path: Path) -> None:
+    """In ``t,u,y`` u is what drives, and y the answer, also where u comes first."""
+    path = tmp_path / "prbs.csv"
+    path.write_text("t,u,y\n" + rows(T, np.sign(SWING), SWING, sign=","))
+    assert "--map position=y:deg, and a torque --map torque=u " in refused(path)
+
+
 def test_the_only_series_is_the_motion_and_the_time_may_come_second(tmp_path: Path) -> None:
     """Names behind %, the position first: what is left beside the time needs no name that is known."""
     path = tmp_path / "oscilador.data"
@@ -197,6 +218,19 @@ def test_arrays_and_json(tmp_path: Path) -> None:
         np.testing.assert_allclose(found.time, T)
     np.savez(tmp_path / "a.npz", held=np.array([{}], dtype=object))
     assert "cannot be read as NumPy arrays" in refused(tmp_path / "a.npz")
+
+
+def test_runs_in_json(tmp_path: Path) -> None:
+    """Of objects that hold lists of different lengths the longest run is read, beside settings; also a single one."""
+    path = tmp_path / "response.json"
+    long, short = ({"type": "chirp", "actions": list(each), "angle": list(2 * each)} for each in (SWING, SWING[:40]))
+    path.write_text(json.dumps({"config": {"limits": [-0.6, 0.6]}, "data": [short, long, long]}))
+    found = read(path, rate_hz=50)
+    np.testing.assert_allclose(found.recording.columns["command"], SWING)
+    np.testing.assert_allclose(found.recording.columns["position"], 2 * SWING)
+    assert "data holds 3 runs: number 2 is used, the longest" in found.notes
+    path.write_text(json.dumps({"data": [long]}))
+    np.testing.assert_allclose(read(path, rate_hz=50).recording.columns["position"], 2 * SWING)
 
 
 def workbook(path: Path, days: float) -> None:
