@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ def _of_objects(path: str, hidden: NDArray[Any] | None) -> Iterator[tuple[str, N
     from lostmotion.drivers.formats.matlab_objects import object_of, timeseries
 
     with Path(path).open("rb") as file:  # SciPy calls all objects by one name, and keeps the last one only
-        each = [loadmat(one).get("None") for _, one in varmats_from_mat(file)]
+        each = [loadmat(cast(Any, one)).get("None") for _, one in varmats_from_mat(file)]
     opaque = [one.flat[0] for one in each if one is not None and one.size]
     names = {object_of(one["arr"]): one["s0"].decode() for one in opaque}
     with suppress(Exception):

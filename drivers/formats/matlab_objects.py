@@ -63,12 +63,12 @@ def _cells(hidden: bytes) -> Sequence[Any]:
     body = hidden[8:]
     if body[NAME_AT : NAME_AT + 8] == UNNAMED:
         body = body[:NAME_AT] + NAMED + body[NAME_AT + 8 :]
-    file = io.BytesIO(b"MATLAB 5.0 MAT-file".ljust(124) + hidden[:4] + body)
+    file: Any = io.BytesIO(b"MATLAB 5.0 MAT-file".ljust(124) + hidden[:4] + body)
     wrapper = scipy.io.loadmat(file, variable_names=["x"])["x"]["MCOS"].flat[0]
     return list(np.ravel(wrapper["arr"].flat[0]))
 
 
-def _objects(cells: Sequence[Any]) -> list[tuple[str, Mapping[str, Any]]]:
+def _objects(cells: Sequence[Any]) -> Sequence[tuple[str, Mapping[str, Any]]]:
     """The class and the properties of each object, from number 1 on; none at 0."""
     table = np.asarray(cells[0], dtype=np.uint8).tobytes()
     count, *at = (int(number) for number in np.frombuffer(table[4:40], "<i4"))

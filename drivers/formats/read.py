@@ -19,7 +19,7 @@ from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import is_angle
+from lostmotion.drivers.formats.words import is_angle, is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
@@ -70,8 +70,8 @@ def imported(path: Path, choice: Choice) -> Imported:
             notes.append(f"position: no unit is given; taken as deg, as nothing swings by {np.ptp(values) / 2:.4g} rad")
             one, values = replace(one, unit="deg", factor=np.pi / 180), values * np.pi / 180
         if one.column in MOTIONS and one.si in INTEGRAL:
-            notes.append(f"{one.column}: integrated from a speed, from zero on")
-            one, values = replace(one, si=INTEGRAL[one.si]), _integrated(times, values)
+            values, note = _integrated(one, times, values)
+            one, notes = replace(one, si=INTEGRAL[one.si]), [*notes, note]
         parts.append((times, values))
         kept.append(one)
     if _are_of_a_servo_in_degrees(kept, [values for _, values in parts]):
@@ -99,9 +99,24 @@ def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
     return values * one.factor + one.offset
 
 
-def _integrated(times: FloatArray, speed: FloatArray) -> FloatArray:
-    """The position (N,) by the trapezoidal rule, zero at the first sample."""
-    return np.concatenate([np.zeros_like(speed[:1]), np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
+def _integrated(one: Chosen, times: FloatArray, speed: FloatArray) -> tuple[FloatArray, str]:
+    """The position (N,) by the trapezoidal rule, zero at the first sample, and what a person should know of it."""
+    offset = _offset(speed) if is_gyroscope(one.series) else 0.0
+    speed = speed - offset
+    position = np.concatenate([np.zeros_like(speed[:1]), np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
+    less = f" less {offset:.3g} {one.si}, the mean in both halves" if offset else ""
+    return position, f"{one.column}: integrated from a speed{less}, from zero on"
+
+
+def _offset(speed: FloatArray) -> float:
+    """The error of a gyroscope on a pendulum, which would add up: the mean speed, in a window (Blackman) that leaves
+    little of a swing: beyond four periods the angle tilts by at most 1.2 % of its amplitude.  0.0 where it is not about
+    the same in either half, as where a hand lifts the pendulum first."""
+    halves = [half for half in np.array_split(speed, 2) if half.size > SWINGS]
+    means = [float(np.average(half, weights=np.blackman(half.size + 2)[1:-1])) for half in halves]
+    crossed = np.count_nonzero(np.diff(np.sign(speed - np.median(speed)))) if speed.size else 0
+    is_same = len(means) == 2 and abs(means[1] - means[0]) < abs(means[1] + means[0]) / 2
+    return sum(means) / 2 if is_same and crossed >= 2 * SWINGS else 0.0
 
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:

@@ -8,8 +8,8 @@ import unicodedata
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_input", "is_run", "is_time", "joint_of",
-    "speed_of", "time_rank", "unit_of",
+    "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_gyroscope", "is_input", "is_run",
+    "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
 ]  # fmt: skip
 
 COMMAND = {
@@ -142,6 +142,11 @@ def is_angle(name: str) -> bool:
 def is_commanded(name: str) -> bool:
     """Whether a series is what was asked for, and not what was measured."""
     return bool(set(_words(name)) & COMMAND)
+
+
+def is_gyroscope(name: str) -> bool:
+    """Whether a series is a gyroscope's: a speed with an error that hardly changes."""
+    return bool({"gyro", "gyroscope", "gyr"} & {*_words(name)})
 
 
 def is_input(name: str) -> bool:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data import readings
-from lostmotion.lab.data.supply import is_of_motor, of_voltage
+from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
 from lostmotion.model.motion import FloatArray
@@ -270,9 +270,10 @@ def _input(base: str, recording: Recording, of_motor: bool) -> str:
         )  # fmt: skip
         return instead
     if beside := [name for name in ("command", "current", "voltage") if _sampled(recording, name)]:
+        why, series = ("", "SERIES") if of_motor or "voltage" not in beside else supplied(recording)
         log.warning(
-            "%s: no %s was found beside %s; the part is taken to move freely. If a motor drives it, give its %s: "
-            "--map %s=SERIES", recording.name, column, ", ".join(beside), column, column,
+            "%s: no %s was found beside %s%s; the part is taken to move freely. If a motor drives it, give its %s: "
+            "--map %s=%s", recording.name, column, ", ".join(beside), why, column, column, series,
         )  # fmt: skip
     return column
 

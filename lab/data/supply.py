@@ -13,7 +13,7 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["is_of_motor", "of_voltage"]
+__all__ = ["is_of_motor", "of_voltage", "supplied"]
 
 FOLLOWS = 0.85
 """Share of the squared voltage that a line through zero takes, above which it is the motor's.  Of 12 recordings of a
@@ -29,6 +29,12 @@ AT_END = 1.15
 def is_of_motor(voltage: FloatArray) -> bool:
     """Whether a voltage (N,) is the motor's, and not its supply; False for none."""
     return bool(voltage.size) and float(voltage.min()) < SUPPLIES * float(voltage.max())
+
+
+def supplied(recording: Recording) -> tuple[str, str]:
+    """Why a voltage is not taken for the motor's, for a message, and the series that it was, "SERIES" where unknown."""
+    why = ", which is never below half of its largest value, as that of a supply"
+    return why, str(recording.metadata.get("imported", {}).get("voltage", "SERIES"))
 
 
 def of_voltage(model: Model, recording: Recording) -> dict[str, float]:

@@ -22,7 +22,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "free_states", "held", "is_driven", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "held", "is_driven", "is_onward", "with_free_states", "with_scale"]
 
 PLACES, ONWARD = 100, 0.9
 """Number of samples of an angle, and the least share of the distance between them that leads onward: a shaft that turns
@@ -65,12 +65,17 @@ def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driv
 
 def coasts(position: FloatArray, is_linear: bool) -> bool:
     """Whether a shaft with these angles (N,) [rad] turns in one direction, farther than a spring or a weight allows;
-    false for a length (is_linear).  The angles are compared at a hundred samples, as noise reverses between
+    false for a length (is_linear)."""
+    position = position[np.isfinite(position)]
+    return not is_linear and abs(position[-1] - position[0]) > 2 * np.pi * SHAFT_TURNS and is_onward(position)
+
+
+def is_onward(position: FloatArray) -> bool:
+    """Whether a position (N,) changes in one direction.  It is compared at a hundred samples, as noise reverses between
     neighbours."""
     position = position[np.isfinite(position)]
     steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
-    way = abs(float(steps.sum()))
-    return not is_linear and way > 2 * np.pi * SHAFT_TURNS and way > ONWARD * float(np.abs(steps).sum())
+    return abs(float(steps.sum())) > ONWARD * float(np.abs(steps).sum())
 
 
 def held(model: Model, names: Iterable[str]) -> Model:

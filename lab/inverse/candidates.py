@@ -29,6 +29,7 @@ from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
+from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
@@ -280,15 +281,17 @@ def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
     """Whether the motion covers ``policy.LEAST_PERIODS`` of an effect that repeats N times a turn, at speeds at which
-    its frequency is within the band; true for other effects and for N = 1.
+    its frequency is within the band; true for other effects.
 
     At higher speeds the effect shows only at the start and the end of a motion, where it can imitate any function: for
-    a motor at constant voltage one of 18 periods a turn took the whole error.  N = 1 has the shape of a weight, and is
-    reported as confusable with it.
+    a motor at constant voltage one of 18 periods a turn took the whole error.  N = 1 is the law of a weight: it is
+    tried on shafts only, and reported as confusable with the weight there.
     """
     turns = model.parameters.get(f"{name}.N")
-    if turns is None or turns.value == 1:
+    if turns is None:
         return True
+    if turns.value == 1:
+        return turns_of(data.signals) >= SHAFT_TURNS
     period = math.tau / turns.value
     return max(_travel(one, period * one.band_hz) for one in data.signals) > policy.LEAST_PERIODS * period
 

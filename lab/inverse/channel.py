@@ -18,6 +18,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import chance, numbered
 from lostmotion.lab.data.experiment import FLAT_SHARE, Experiment
 from lostmotion.lab.errors import ExperimentError
+from lostmotion.lab.fitting.identifiability import is_onward
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
 from lostmotion.lab.results import Fit
 from lostmotion.model import Sampled
@@ -59,6 +60,7 @@ class Channel:
         _check_torque(experiments)
         whole = [Signals.of(one) for one in experiments]
         _check_sizes(whole)
+        _check_sign(whole)
         widest = max(one.band_hz for one in whole)
         found = [cls._of_band(experiments, share * widest) for share in SHARES]
         clear = [
@@ -103,22 +105,33 @@ class Channel:
 
 
 def _check_torque(experiments: Sequence[Experiment]) -> None:
-    """Raises ExperimentError for a torque that never changes, as an unknown constant explains it without an inertia.
-    Warns of a torque that is a magnitude: it is never on the other side of zero, where many of its readings are."""
-    found = [one.drive.values for one in experiments if isinstance(one.drive, Sampled)]
-    values = np.concatenate(found) if found else np.arange(2.0)
+    """Raises ExperimentError for a torque that never changes, as an unknown constant explains it without an inertia."""
+    values = _torques(experiments)
     if np.ptp(values) <= FLAT_SHARE * np.abs(values).max():
         raise ExperimentError(
             f"{experiments[0].name}: found a torque of {values[0]:g} at all times, expected one that changes: record "
             "steps of several sizes, or both directions"
         )
+
+
+def _check_sign(signals: Sequence[Signals]) -> None:
+    """Warns of a torque that is a magnitude: it is never on the other side of zero, where many of its readings are.  A
+    motion in one direction may have such a torque."""
+    values = _torques([one.experiment for one in signals])
+    are_onward = all(is_onward(one.experiment.measured[one.column]) for one in signals)
     at_zero = int((values == 0).sum())
-    if at_zero >= policy.RAILED and (values.min() == 0 or values.max() == 0):
+    if at_zero >= policy.RAILED and (values.min() == 0 or values.max() == 0) and not are_onward:
         log.warning(
             "%s: the torque is zero in %d readings and has one sign in all others, as a magnitude has; "
             "to be explained, it needs the sign of its direction",
-            experiments[0].name, at_zero,
+            signals[0].experiment.name, at_zero,
         )  # fmt: skip
+
+
+def _torques(experiments: Sequence[Experiment]) -> FloatArray:
+    """All readings of the torque; two that differ where there is none."""
+    found = [one.drive.values for one in experiments if isinstance(one.drive, Sampled)]
+    return np.concatenate(found) if found else np.arange(2.0)
 
 
 def _check_sizes(signals: Sequence[Signals]) -> None:

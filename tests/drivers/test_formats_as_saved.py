@@ -220,6 +220,21 @@ def test_arrays_and_json(tmp_path: Path) -> None:
     assert "cannot be read as NumPy arrays" in refused(tmp_path / "a.npz")
 
 
+@pytest.mark.parametrize("lifted", [False, True])
+def test_the_error_of_a_gyroscope_does_not_add_up(lifted: bool, tmp_path: Path) -> None:
+    """An offset of 0.05 rad/s, 0.5 rad in the recording, is taken off a swing; not where a hand lifts the pendulum
+    first, and not off another speed."""
+    angle = np.where((T < 4) & lifted, SWING[120] * np.clip(T, 0, 1), SWING)
+    speed = np.gradient(angle, T) + 0.05
+    path = tmp_path / "Raw Data.csv"
+    for name in ("Gyroscope", "Speed"):
+        path.write_text(f'"Time (s)","{name} x (rad/s)"\n' + rows(T, speed, sign=","))
+        found = read(path)
+        added = found.recording.columns["position"] - angle
+        assert bool(np.ptp(added) < 0.03) == (name == "Gyroscope" and not lifted)
+        assert any("less 0.05" in note for note in found.notes) == (name == "Gyroscope" and not lifted)
+
+
 def test_runs_in_json(tmp_path: Path) -> None:
     """Of objects that hold lists of different lengths the longest run is read, beside settings; also a single one."""
     path = tmp_path / "response.json"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -254,8 +255,11 @@ def test_the_voltage_of_a_motor_is_taken_for_its_torque(caplog: pytest.LogCaptur
     assert isinstance(driven.drive, Sampled)
     assert driven.drive_unit == "V"
     assert "the motor's voltage is taken for it" in caplog.text
-    (free,) = held("joint", recording(position=ACCEL, voltage=11.0 + np.sign(ACCEL)))
+    bare = recording(position=ACCEL, voltage=11.0 + np.sign(ACCEL))
+    (free,) = held("joint", replace(bare, metadata={"imported": {"voltage": "u"}}))
     assert free.drive is None
+    assert "as that of a supply; the part is taken to move freely" in caplog.text
+    assert "give its torque: --map torque=u" in caplog.text
 
 
 def test_free_oscillation_needs_no_input() -> None:

@@ -95,6 +95,19 @@ def test_a_torque_without_its_sign_is_told(is_magnitude: bool, caplog: pytest.Lo
     assert ("has one sign in all others, as a magnitude has" in caplog.text) == is_magnitude
 
 
+def test_a_torque_of_one_sign_suits_a_motion_in_one_direction(caplog: pytest.LogCaptureFixture) -> None:
+    """A motor that is off for a second, and then runs up and down under a voltage that is never negative."""
+    times = np.arange(0.0, 6.0, 0.02)
+    voltage = np.where(times < 1, 0.0, 6.0 + 3.0 * np.sin(times))
+    speed = np.zeros_like(times)
+    for i in range(1, times.size):
+        speed[i] = speed[i - 1] + 0.02 * (voltage[i - 1] - speed[i - 1]) / 0.3
+    position = np.cumsum(speed) * 0.02
+    with caplog.at_level(logging.WARNING):
+        Channel.of([Experiment("motor.csv", Sampled(times, voltage), times, {"position": position})])
+    assert "as a magnitude has" not in caplog.text
+
+
 def test_the_inertia_is_not_taken_for_smaller_by_a_noisy_speed() -> None:
     """The angle is the integral of a speed with noise (a tachometer), whose acceleration is mostly noise beyond the
     motion: the band ends below, and the inertia is right to a tenth (a hundredth of it, in the widest band)."""

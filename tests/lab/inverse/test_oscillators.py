@@ -106,7 +106,7 @@ def test_a_mode_whose_frequency_nothing_tells_is_none() -> None:
 @pytest.mark.parametrize(("speed", "is_seen"), [(2.0, True), (12.0, False)])
 def test_a_ripple_faster_than_the_band_is_no_candidate(speed: float, is_seen: bool) -> None:
     """A shaft that starts within a tenth of a second, 50 samples a second, a band of 10 Hz: 18 periods a turn
-    show at 2 rad/s, and at 12 rad/s at the start only."""
+    show at 2 rad/s, and at 12 rad/s at the start only.  Once a turn is one on a shaft only."""
     times = np.arange(0.0, 6.0, 0.02)
     turned = speed * (times - 0.1 * (1 - np.exp(-times / 0.1)))
     model = build_model("joint")
@@ -114,3 +114,5 @@ def test_a_ripple_faster_than_the_band_is_no_candidate(speed: float, is_seen: bo
     ripple = model.with_effect("torque_ripple").replace({"torque_ripple.N": 18.0})
     signals = replace(Signals.of(held), band_hz=10.0)
     assert _covers("torque_ripple", ripple, InverseModel.of([signals], model)) is is_seen
+    once = ripple.replace({"torque_ripple.N": 1.0})  # the law of a weight, which an arm has rather
+    assert _covers("torque_ripple", once, InverseModel.of([signals], model)) is not is_seen
