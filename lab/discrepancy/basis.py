@@ -1,8 +1,8 @@
-"""Unknown functions of the motion as effects: curves for what no effect of the catalogue describes.  No fitting here.
+"""Unknown functions of the motion as effects: curves for a residual that no effect of the catalogue explains.
 
-A torque, a force or an error of the sensor may be any function of one state, a friction with an amplitude that depends
-on the angle, or a sine in time.  A curve is linear between knots, which are closest near the middle of the range: there
-friction changes its sign.
+A torque, a force or an error of the sensor may be any function of one state, a dry friction whose amplitude depends on
+the angle, or a sine in time.  A curve is linear between knots, which are closest near the middle of the range, where
+friction changes its sign.  describe.py fits these functions after the search; no fitting here.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ KNOTS = 13
 WIDEST = 0.995
 """The quantile of the variable at which a curve ends."""
 BEND = 0.3
-"""Up to this share of the reach the knots are evenly spaced."""
+"""Share of the range, from its middle, within which the knots are about evenly spaced."""
 MOST = 10.0
-"""Bound of a curve, times what already acts in the equation."""
+"""Bound of a curve, in units of the magnitude of what already acts in the equation."""
 SMOOTH = 5e-3  # rad/s, as dry friction changes its sign
 UNITS = {TORQUE: "N m", BAR_FORCE: "N", SENSOR: "m/s^2", GAP: "m"}
 ACTS_ON = {TORQUE: ActsOn.JOINT, BAR_FORCE: ActsOn.OSCILLATOR, SENSOR: ActsOn.SENSOR, GAP: ActsOn.JOINT}
@@ -51,7 +51,8 @@ _numbers = count()
 
 @jitted
 def _height(s: Slots, p: Slots) -> float:
-    """The curve at its variable; p: variable, centre, scale, reach, KNOTS heights."""
+    """The value of a curve; p: the number of its variable, centre, scale, reach, KNOTS heights.  The knots are evenly
+    spaced in asinh((variable - centre)/scale) within +-reach."""
     along = (math.asinh((s[int(p[0])] - p[1]) / p[2]) / p[3] + 1.0) * (0.5 * (KNOTS - 1))
     along = min(max(along, 0.0), KNOTS - 1.000001)
     i = int(along)
@@ -79,9 +80,10 @@ def wave(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """An unknown function: its effect, the equation it acts on, its variables, and the variable of its curve.
+    """An unknown function.
 
-    x: (KNOTS,) its knots; seen: (KNOTS,) whether the motion reaches them; empty for a sine.
+    effect: with the free parameters of the function; unit: of its values; depends_on: its variables, that of the curve
+    first; x: the knots (KNOTS,); seen: whether the motion reaches each of them (KNOTS,).  Both are empty for a sine.
     """
 
     effect: Effect
@@ -92,19 +94,19 @@ class Guess:
 
     @property
     def is_wave(self) -> bool:
-        """Whether it is a sine with f, a and b instead of a curve."""
+        """Whether the function is a sine in time with the parameters f, a and b, not a curve."""
         return not len(self.x)
 
     @property
     def heights(self) -> list[str]:
-        """Names of the model's parameters that define the curve."""
+        """The full names of the parameters that are the values of the curve at its knots."""
         return [f"{self.effect.id}.c{i}" for i in range(len(self.x))]
 
 
 def guesses(model: Model, segments: Sequence[Segment], size: Mapping[int, float], substep_s: float) -> list[Guess]:
-    """All functions to try on a model, with knots over the range of the motion in these segments.
+    """All functions to fit to a residual of a model, with knots over the range of the motion in these segments.
 
-    size: by signal, the magnitude of what already acts there.
+    size: by signal, the magnitude of what already acts there.  Raises ModelError where no segment can be simulated.
     """
     motion = _motion(model, segments, substep_s)
     found = [_curve(model.base, target, source, motion, size[target]) for target, source in PAIRS[model.base]]
@@ -114,7 +116,8 @@ def guesses(model: Model, segments: Sequence[Segment], size: Mapping[int, float]
 
 
 def wave_guess(base: str, target: int, hz: float, size: float) -> Guess:
-    """A sine of about this frequency [Hz]."""
+    """A sine with a frequency of about ``hz`` [Hz] on a signal (target); size: the magnitude of what already acts
+    there."""
     parameters = {
         "f": Parameter(hz, "Hz", 0.9 * hz, 1.1 * hz, False, "searched", "frequency", Domain.POSITIVE),
         "a": _free(UNITS[target], size),
@@ -159,7 +162,7 @@ def _free(unit: str, size: float) -> Parameter:
 
 
 def _motion(model: Model, segments: Sequence[Segment], substep_s: float) -> dict[str, FloatArray]:
-    """The values of every variable in these segments, by name."""
+    """The values of each variable in the modelled motion over these segments (N,), by name."""
     runs = motions(model, segments, substep_s)
     found = {
         name: np.concatenate([run[signal] for run in runs])

@@ -1,8 +1,9 @@
 """Describes a residual that no effect of the catalogue explains, by an unknown function with a shape and a formula.
 
-Every function of basis.py is fitted together with the model; for gears to observer runs, which do not need the true
-play to start with, first with a high gain, then a lower one.  The one with the least error is reported; its curve is
-that of a fit of free segments where such a fit succeeds.  Where it explains little, the equation alone is reported.
+Every function of basis.py is fitted together with the model.  For gears it is fitted to observer runs, which do not
+need the true play as an initial value, first with a high gain and then with a medium one.  The function with the least
+error is reported, with the curve of a fit to free segments if that fit succeeds.  A function that explains little is
+reported without its shape.  This is the last stage of a search of gears, and of a comparison.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ from lostmotion.model.signals import BAR_FORCE, GAP, SENSOR, TORQUE
 __all__ = ["described"]
 
 FORMULA = 0.9
-"""Share of a curve's weighted variance from which on a formula fits it."""
+"""Least share of the weighted square of a curve that a formula has to explain."""
 LEAST_POINTS = 3
-"""Least number of identified heights for a curve."""
+"""Least number of identified values for a curve."""
 FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "{a}": np.ones_like,
     "{a} {x}": lambda x: x,
@@ -51,17 +52,18 @@ FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 }
 IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'"): 1, ("sensor", "theta_2"): 0,
             ("sensor", "omega_2"): 0}  # fmt: skip
-"""The degree of the polynomial that bias, stiffness, damping or length can imitate; it is removed from a curve."""
+"""By equation and variable, the degree of the polynomial that bias, stiffness, damping or length of the base can
+imitate. It is removed from a curve."""
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
 
 
 Heights = Mapping[str, tuple[float, float]]
-"""Of each parameter of a function: its value, and half the width of its 95 % interval."""
+"""By parameter of a function, its value and half the width of its 95 % interval."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A function, the model with it, and its reduction of the cost of observer runs."""
+    """A function, the fitted model with it, and its gain, the logarithmic decrease of the cost of observer runs."""
 
     guess: Guess
     model: Model
@@ -69,8 +71,8 @@ class _Trial:
 
 
 def described(level: Level, task: Task) -> Finding | None:
-    """The function that explains most of the residual of a fit on short segments; None where the motion cannot be
-    followed."""
+    """The function that explains most of the residual of a fit on the shortest segments; None where no observer follows
+    the motion.  Raises ModelError where the model cannot be simulated."""
     size = scales_of(level.model, level.segments, task.substep_s)
     acting = {TORQUE: size.torque, BAR_FORCE: size.k * size.bend, SENSOR: size.reading, GAP: size.d}
     found = guesses(level.model, level.segments, acting, task.substep_s)
@@ -91,10 +93,12 @@ def described(level: Level, task: Task) -> Finding | None:
 
 
 def _clear(fit: Level, level: Level) -> bool:
+    """Whether a fit with a function explains ``policy.FOLLOWS_STATE`` of the squared error without it."""
     return fit.typical**2 < (1 - policy.FOLLOWS_STATE) * level.typical**2
 
 
 def _direct(guess: Guess, level: Level, task: Task) -> Level:
+    """The fit with a function on the segments of a level."""
     model = level.model.with_effect(guess.effect.id)
     return fitted(model, Unknowns.of(model, task.rough), level.segments, task.substep_s)
 
@@ -102,8 +106,8 @@ def _direct(guess: Guess, level: Level, task: Task) -> Level:
 def _nearest(
     model: Model, found: Sequence[Guess], acting: Mapping[int, float], task: Task, pool: Executor
 ) -> _Trial | None:
-    """The function with the least cost of observer runs; for a sine, with a different phase in every recording, in one
-    of them. None where the observers diverge."""
+    """The function with the largest gain; None where the observers diverge.  Sines are fitted to one recording, as
+    their phase differs between recordings.  acting: by signal, the magnitude of what already acts there."""
     follower = Follower.of(task, model)
     both = Descent.of(model, follower, TIGHT)
     if not math.isfinite(both.cost):
@@ -121,11 +125,8 @@ def _nearest(
 def _compared(
     model: Model, base_tight: Descent, found: Sequence[Guess], follower: Follower, pool: Executor
 ) -> list[_Trial]:
-    """The functions, fitted with a high gain; the best of them again with a lower one, from that fit or from the first
-    values.
-
-    base_tight: the model without them, with the high gain.
-    """
+    """The functions after fits with a high gain, and of the best of them after fits with a medium gain, from the values
+    of the first fit and from the initial ones; base_tight: the fit without a function, with the high gain."""
     base = min((Descent.of(start, follower) for start in (base_tight.model, model)), key=attrgetter("cost"))
     if not math.isfinite(base.cost):
         return []
@@ -143,7 +144,7 @@ def _compared(
 
 
 def _gain(before: Descent, after: Descent) -> float:
-    """The reduction of the cost, as a logarithm; minus infinity where the observers diverge."""
+    """The logarithm of the ratio of two costs; minus infinity where the observers diverge."""
     return math.log(before.cost / after.cost) if math.isfinite(after.cost) else -math.inf
 
 

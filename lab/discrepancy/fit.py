@@ -1,7 +1,8 @@
-"""Local minimisation of the prediction error of observers, for many small unknowns at once.  No model selection here.
+"""Local minimisation of the prediction error of observers over many small parameters at once.
 
-With a high observer gain the prediction error is nearly linear in the unknowns, so a curve of a dozen heights can be
-fitted from zero, together with the play; global_search.py is for few unknowns and distant initial values.
+With a high observer gain the prediction error is nearly linear in the parameters, so that a curve with a dozen values
+can be fitted from zero, together with the play.  The global search (observer/global_search.py) is for few parameters
+and distant initial values.  describe.py compares the results.
 """
 
 from __future__ import annotations
@@ -26,22 +27,23 @@ __all__ = ["Descent", "best_wave"]
 STEP = 1e-4
 FAINT = 1e-6
 SLOWEST_HZ, FASTEST_HZ, FASTEST = 1.0, 30.0, 0.45
-"""Frequencies of sines: lowest, highest of the torque, highest of the sensor as a share of its rate."""
+"""Frequencies of sines: the lowest one, the highest one of a torque [Hz], and the highest one of a sensor as a share of
+its rate."""
 STEPS, TRIALS = 15, 6
 ENOUGH = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """A minimum: the model and its cost, the mean of log(1 + (e/3)²) over innovations e in units of their expected
-    deviation."""
+    """A local minimum of the cost, the mean of log(1 + (e/OUTSIDE)²) over innovations e in units of their expected
+    deviation, over the free parameters of a model."""
 
     model: Model
     cost: float
 
     @classmethod
     def of(cls, model: Model, follower: Follower, coupling: float = STRONG) -> Descent:
-        """Minimises over all free parameters from the model's values, by Levenberg-Marquardt."""
+        """The minimum that Levenberg-Marquardt steps from the values of a model lead to; coupling: of the observers."""
         unknowns = Unknowns.of(model, follower.rough)
         z, (low, high) = unknowns.z(model), unknowns.bounds
         e, damping = _errors(model, follower, coupling), 1e-2
@@ -69,10 +71,10 @@ class Descent:
 
 
 def best_wave(model: Model, follower: Follower, target: int) -> float:
-    """The frequency [Hz] of the sine on that signal that explains most of the error of observers with a high gain,
-    other parameters unchanged.
+    """The frequency [Hz] of the sine on a signal (target) that, to first order, explains most of the innovations of
+    observers with a high gain, with the other parameters unchanged.
 
-    A sine of the sensor is assumed to pass into the errors unchanged, which holds except for its phase.
+    A sine of the sensor is assumed to appear in the innovations with its frequency and any amplitude and phase.
     """
     fastest = FASTEST_HZ if target == TORQUE else FASTEST * follower.segments[0].rate_hz
     e = _errors(model, follower, TIGHT)
@@ -91,7 +93,7 @@ def best_wave(model: Model, follower: Follower, target: int) -> float:
 
 
 def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> FloatArray:
-    """The derivative of the errors (N, 2) by the amplitudes of a sine of torque."""
+    """The change of the innovations (N, 2) by small amplitudes of a sine and a cosine of torque."""
     guess = wave_guess(model.base, TORQUE, hz, 1.0)
     with registered([guess.effect]):
         own = model.with_effect(guess.effect.id)
@@ -100,12 +102,13 @@ def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> 
 
 
 def _sensor_wave(follower: Follower, hz: float) -> FloatArray:
+    """Sine and cosine at the times of the innovations (N, 2)."""
     time = np.concatenate([segment.time[settled(segment)] for segment in follower.segments])
     return np.column_stack([np.sin(2 * math.pi * hz * time), np.cos(2 * math.pi * hz * time)])
 
 
 def _errors(model: Model, follower: Follower, coupling: float) -> FloatArray:
-    """(N,), infinite where the model cannot be run."""
+    """The innovations (N,), see ``Follower.errors``; infinite where the model cannot be simulated."""
     try:
         return follower.errors(model, coupling)
     except ModelError:

@@ -1,7 +1,8 @@
-"""Residual maps: the mean of a residual over a state, with a band and a significance that hold for coloured noise.
+"""Residual maps: the mean of a residual over bins of a state, with a band and a significance for coloured noise.
 
-Under the null hypothesis that the residual is noise its means are zero, with a covariance that follows from its
-autocorrelation; Wald's test on the means, and Benjamini-Hochberg over all maps.
+Under the null hypothesis that the residual is noise, its means over bins are zero, with a covariance that follows from
+its autocorrelation.  Wald's test is made of the means of each map, and the false discovery rate over all maps is
+limited after Benjamini and Hochberg (1995).  A comparison and the description of a residual use these maps.
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ LEAST_IN_BIN = 10
 
 @dataclass(frozen=True, eq=False)
 class ResidualMap:
-    """The mean of a residual (K,) over bins of a variable with centres x (K,), and the half width of its 95 % band.
+    """The mean of a residual over K bins of a variable.
 
-    explained: the share of the residual's mean square that the map explains, less the expected share for noise;
+    x: centres of the bins (K,); mean (K,); half_width: of the 95 % band of the means for noise (K,); explained: share
+    of the residual's mean square that the map explains, less the share expected for noise; p_value: of Wald's test;
     samples: effective number of independent samples; significant: among all maps, with 5 % false discoveries.
     """
 
@@ -44,7 +46,7 @@ class ResidualMap:
 def residual_maps(
     residuals: Sequence[FloatArray], variables: Mapping[str, Sequence[FloatArray]]
 ) -> tuple[ResidualMap, ...]:
-    """A map for each variable, the one that explains most first.
+    """A map of the residuals over each variable, the one that explains most first.
 
     residuals: one (N_r,) for each recording, NaN where not sampled; variables: by name, one (N_r,) for each recording,
     NaN allowed.  The noise is estimated from the residual of the map with the largest share.
@@ -57,10 +59,9 @@ def residual_maps(
 
 
 def finding(acts_on: str, size: str, unit: str, maps: Sequence[ResidualMap]) -> Finding:
-    """Describes a residual by its size, in words, and by the state that explains most of it and those that explain
-    nearly as much, if any.
+    """The description of a residual by the state that explains most of it, and by those that explain nearly as much.
 
-    acts_on: the equation; unit: of the residual; maps: the best first.
+    acts_on: the equation; size: the residual in words; unit: of the residual; maps: the best one first.
     """
     if not maps or maps[0].explained < policy.FOLLOWS_STATE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
@@ -75,10 +76,10 @@ def finding(acts_on: str, size: str, unit: str, maps: Sequence[ResidualMap]) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Binned:
-    """A residual's mean (K,) over the bins of a variable with centres x (K,).
+    """The mean of a residual (K,) over the bins of a variable with centres x (K,).
 
-    inside: which samples of each recording are in which bin, (K, N_r) of 0 and 1; power: the sum of squares; share: the
-    part of it that the means explain.
+    counts: samples in each bin (K,); inside: for each recording whether a sample is in a bin, (K, N_r) of 0 and 1;
+    power: sum of the squared residual.
     """
 
     variable: str
@@ -90,16 +91,17 @@ class _Binned:
 
     @property
     def share(self) -> float:
+        """The share of the squared residual that the means explain."""
         return float(self.counts @ self.mean**2) / max(self.power, 1e-300)
 
     def left(self, residuals: Sequence[FloatArray]) -> list[FloatArray]:
-        """The residuals without the map; NaN outside of the bins."""
+        """The residuals less the mean of their bin; NaN outside of the bins."""
         pairs = zip(residuals, self.inside, strict=True)
         return [np.where(inside.any(axis=0), r - self.mean @ inside, np.nan) for r, inside in pairs]
 
 
 def _binned(name: str, residuals: Sequence[FloatArray], series: Sequence[FloatArray]) -> _Binned | None:
-    """None for a variable that does not vary."""
+    """The means over the bins of one variable; None for a variable that does not vary."""
     there = [np.isfinite(r) & np.isfinite(x) for r, x in zip(residuals, series, strict=True)]
     pooled = np.concatenate([x[ok] for x, ok in zip(series, there, strict=True)])
     if pooled.size < 4 * LEAST_IN_BIN or np.ptp(pooled) <= 1e-12 * np.max(np.abs(pooled)):
@@ -146,7 +148,8 @@ def _spread(inside: FloatArray, gamma: FloatArray, length: int) -> FloatArray:
 
 
 def _discovered(maps: Sequence[ResidualMap]) -> tuple[ResidualMap, ...]:
-    """Benjamini and Hochberg: the maps below the largest p value that is at most its rank's share of 5 %."""
+    """The maps, those marked as significant whose p-value is at most the largest one that is below its rank's share of
+    the level (Benjamini and Hochberg)."""
     p = np.sort([one.p_value for one in maps])
     passed = p[p <= policy.SIGNIFICANT * np.arange(1, p.size + 1) / max(p.size, 1)]
     limit = float(passed[-1]) if passed.size else -1.0
