@@ -1,4 +1,4 @@
-"""Frequency bands in which a residual exceeds the noise.  Spectra by Welch's method, in plain numpy."""
+"""Spectra of a residual by Welch's method, and the frequency bands in which it exceeds the noise."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ BANDS_PER_OCTAVE = 2
 
 @dataclass(frozen=True)
 class Band:
-    """A band [Hz] with the root mean squares in it of residual, noise and signal; stands_out: whether the residual
-    exceeds the noise significantly."""
+    """A frequency band with the root mean squares of residual, noise and signal within it; stands_out: whether the
+    residual exceeds the noise significantly."""
 
     low_hz: float
     high_hz: float
@@ -36,7 +36,7 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
-    """frequency_hz (F,) and one-sided densities (F,), unit² per Hz, of signal, residual and noise; the bands."""
+    """One-sided power densities (F,) of signal, residual and noise [unit²/Hz] at frequency_hz (F,), and the bands."""
 
     frequency_hz: FloatArray
     signal: FloatArray
@@ -48,7 +48,8 @@ class Spectra:
 def spectra(
     signals: Sequence[FloatArray], residuals: Sequence[FloatArray], rate_hz: float, noise: NoiseModel
 ) -> Spectra:
-    """Welch's densities over all recordings (Hann, half overlapping), NaN being gaps, against the noise model's."""
+    """The spectra of a signal and its residual over all recordings, (N_i,) each with NaN as gaps, by Welch's method
+    with half overlapping Hann windows; and the density of the noise model."""
     longest = max((run.stop - run.start for x in residuals for run in runs(x)), default=0)
     segment = max(min(SEGMENT, 1 << (max(longest // 4, 1).bit_length() - 1)), min(LEAST_SEGMENT, longest))
     frequency = np.asarray(np.fft.rfftfreq(segment, 1 / rate_hz))
@@ -59,7 +60,7 @@ def spectra(
 
 
 def _welch(series: Sequence[FloatArray], segment: int, rate_hz: float) -> tuple[FloatArray, float]:
-    """Density (F,), and the number of independent segments that it is the mean of."""
+    """The power density (F,), and the effective number of independent segments of which it is the mean."""
     taper = np.hanning(segment)
     pieces = [sliding_window_view(x[run], segment)[:: segment // 2] for x in series for run in runs(x)
               if run.stop - run.start >= segment]  # fmt: skip

@@ -1,10 +1,10 @@
-"""Compares a model with measurements: the size of the error, where it occurs, and in which equation.  Nothing is fitted
-or printed.
+"""Compares a model with measurements: the size of the error, where it occurs, and in which equation it arises.
 
-The model runs freely from an initial state to the end of each recording.  A simulation of a joint with a measured
-torque would diverge; its torque is compared with the one that the model needs for the measured motion (torque.py).  The
-residual is compared with the noise, in time, over phases of the motion, in frequency and over every state
-(residual_maps.py); the unknown function that explains most of it shows the equation on which it acts.
+The model is simulated from an initial state to the end of each recording.  For a joint with a measured torque, whose
+simulation would diverge, the torque is compared with the one that the model needs for the measured motion (torque.py).
+The residual is compared with the noise, in time, over phases of the motion, in frequency and over every state
+(residual_maps.py).  The unknown function that explains most of it (discrepancy/describe.py) shows the equation in which
+it arises.  No parameter is fitted.
 """
 
 from __future__ import annotations
@@ -49,14 +49,18 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Comparison", "Overlay", "compare"]
 
 DESCRIBED_S = 2.0
-"""Seconds of motion from which the residual is described."""
+"""Length of the motion from which the residual is described [s]."""
 MENTIONED = 0.05
-"""Shares of the error below this are not reported."""
+"""Share of the error below which a phase or a map is not reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """One column of one recording: measured, modelled and residual, (N,) each, NaN where not sampled."""
+    """One column of one recording.
+
+    time [s], measured, modelled: (N,) each, NaN where the column was not sampled; noise: its root mean square, in the
+    unit of the column; horizon_s: for how long the motion can be predicted, infinite where to the end.
+    """
 
     recording: str
     column: str
@@ -84,7 +88,7 @@ class Overlay:
 
     @property
     def fit_percent(self) -> float:
-        """100 (1 - |residual|/|measured - its mean|) [%]."""
+        """The fit 100 (1 - |residual|/|measured - its mean|) [%]."""
         return fit_percent(self.measured, self.modelled)
 
 
@@ -92,8 +96,9 @@ class Overlay:
 class Comparison(Displayed):
     """The result of a comparison.
 
-    columns: the residual of each compared column; starts: (n,) for each experiment that was simulated; localisation:
-    the equation in which the first column's misfit arises, None where the residual is noise or no equation explains it.
+    columns: the residual of each compared column; starts: the initial state (n,) of each experiment that was simulated;
+    localisation: the equation in which the residual of the first column arises, None where the residual is noise or no
+    equation explains it.
     """
 
     model: Model
@@ -103,7 +108,7 @@ class Comparison(Displayed):
     columns: Mapping[str, ColumnResidual]
     localisation: Finding | None = None
     delay_s: float = 0.0
-    """How much later than recorded the torque of a joint acts, as it was removed."""
+    """How much later than recorded the torque of a joint acts [s]; this delay was removed."""
 
     @property
     def column(self) -> str:
@@ -134,7 +139,7 @@ class Comparison(Displayed):
 
     @property
     def is_noise(self) -> bool:
-        """Whether the residual is noise: no larger, and without a significant map or band."""
+        """Whether the residual of the main column is noise: no larger, and without a significant map."""
         return self.is_small(self.column) and not any(one.significant for one in self.columns[self.column].maps)
 
     def is_small(self, column: str) -> bool:
@@ -185,11 +190,11 @@ def compare(
     recordings: Sequence[Recording] = (),
     is_described: bool = True,
 ) -> Comparison:
-    """Simulates every experiment and analyses the residual.
+    """Compares the model with the experiments.
 
-    starts: the state (n,) at each experiment's first sample, searched for when left out; recordings: those that the
-    experiments came from, for the temperature; is_described: whether to look for the equation on which the residual
-    acts.  Raises ModelError where the model cannot be run.
+    starts: the state (n,) at the first sample of each experiment, by default estimated; recordings: those of the
+    experiments, for their temperature; is_described: whether to search for the equation in which the residual arises.
+    Raises ModelError where the model cannot be simulated.
     """
     method = method_of(model, experiments) if starts is None else None
     experiments = released(experiments) if method else experiments
@@ -211,7 +216,7 @@ def compare(
 
 
 def _described(model: Model, experiments: Sequence[Experiment], noise: dict[str, float]) -> Finding | None:
-    """The residual with the parameters as they are, where the motion changes most."""
+    """The description of the residual with the parameters held, over the seconds in which the motion changes most."""
     fixed = held(model, free_names(model))
     task = Task.of(fixed, excerpts(experiments, DESCRIBED_S), noise)
     return described(unfitted(fixed, task.tiles, task), task)
@@ -221,7 +226,7 @@ def _compared(
     model: Model, predictions: Sequence[Prediction], horizons: Sequence[float], floor: Mapping[str, NoiseModel],
     recordings: Sequence[Recording],
 ) -> Comparison:  # fmt: skip
-    """Analyses the residual of these predictions, without localisation."""
+    """The comparison of these predictions, without a localisation; floor: the noise of each column."""
     experiments = [one.experiment for one in predictions]
     columns = {name: _residual(name, model.base, predictions, recordings, noise) for name, noise in floor.items()}
     return Comparison(model, tuple(experiments), (), tuple(_overlays(predictions, horizons, columns)), columns)
@@ -230,7 +235,7 @@ def _compared(
 def _residual(
     name: str, base: str, predictions: Sequence[Prediction], recordings: Sequence[Recording], floor: NoiseModel
 ) -> ColumnResidual:
-    """Of one column; its noise is the floor, or the noise model of the residual where that is smaller."""
+    """The residual of one column.  Its noise is the floor, or the noise model of the residual where that is smaller."""
     own = [one.at_rows_of(name) for one in predictions if name in one.experiment.measured]
     left = fit_autoregression([one.residual(name) for one in own])
     temperatures = [_temperature(one.experiment, recordings) for one in own]

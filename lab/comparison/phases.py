@@ -26,10 +26,10 @@ Mask = NDArray[np.bool_]
 
 
 def phases(base: str, trajectory: Trajectory) -> Mapping[str, Mask]:
-    """Which samples (N,) are in which phase; every sample is in one.
+    """The samples in each phase of a modelled motion, as masks (N,); every sample is in exactly one.
 
-    Gears: impacts are where the modelled contact closes; other joints: reversals of the speed; the oscillator alone:
-    its deflection.
+    For gears the phases are around impacts, at which the modelled contact closes; for other joints around reversals of
+    the speed; for an oscillator they are large and small deflections.
     """
     time = trajectory.time
     if base == "oscillator":
@@ -63,19 +63,19 @@ def phases(base: str, trajectory: Trajectory) -> Mapping[str, Mask]:
 
 
 def _events(time: FloatArray, edges: Mask) -> FloatArray:
-    """Times after the edges, without those that follow another one immediately."""
+    """The times [s] of the events at these edges (N - 1,), without those that follow another one at once."""
     found = time[1:][edges]
     apart = np.concatenate(([True], np.diff(found) > APART_S))[: found.size]
     return np.asarray(found[apart])
 
 
 def _near(time: FloatArray, events: FloatArray, first: float, last: float) -> Mask:
-    """Samples with an event's time + first <= t < + last."""
+    """The samples at times t with event + first <= t < event + last for some event."""
     return np.asarray(np.searchsorted(events + first, time, "right") > np.searchsorted(events + last, time, "right"))
 
 
 def _in_turn(masks: Mapping[str, Mask]) -> dict[str, Mask]:
-    """Assigns each sample to its first phase; phases without samples are left out."""
+    """The masks with each sample in the first of its phases only, without empty ones."""
     taken = np.zeros(len(next(iter(masks.values()))), dtype=bool)
     found = {}
     for name, mask in masks.items():

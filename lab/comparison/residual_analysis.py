@@ -1,7 +1,7 @@
-"""A model's prediction of an experiment, and the analysis of its residual, column by column: in time, by phase of the
-motion, in frequency, over every state.  Nothing is estimated here.
+"""The prediction of an experiment by a model, and the analysis of its residual, column by column: in time, by phase of
+the motion, in frequency, and over every state.
 
-compare.py runs the model and combines the columns.
+compare.py simulates the model and combines the columns.  No parameter is estimated here.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ __all__ = ["Block", "ColumnResidual", "PhaseError", "Prediction", "predict", "ro
 BLOCKS = 20
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
           "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
-"""Signals of the model that the residual is related to, and their names there; force has two meanings."""
+"""The signals of a trajectory over which the residual is mapped, and the names of the maps; force is added by
+``_variables``, as it has two meanings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +44,10 @@ class Prediction:
         return np.asarray(self.experiment.measured[column] - self.trajectory[column])
 
     def at_rows_of(self, column: str) -> Prediction:
-        """At the rows of a column that was sampled more slowly than the others; itself where it was not.
+        """The prediction at the rows of a column, where that was sampled more slowly than the others; else itself.
 
-        A servo's position at 100 Hz stands in one of ten rows of an acceleration at 1 kHz: between the samples are no
-        gaps of a signal, whose neighbours and spectrum are to be analysed.
+        The position of a servo at 100 Hz is in one of ten rows of an acceleration at 1 kHz.  The rows between are not
+        gaps, and neighbouring samples and spectra are those at the rate of the column.
         """
         at = own_rows(self.experiment.measured[column])
         if at is None:
@@ -63,14 +64,16 @@ class Prediction:
 def predict(
     model: Model, experiment: Experiment, start: ArrayLike | None = None, *, substep_s: float | None = None
 ) -> Prediction:
-    """The model's motion from the state ``start`` (n,), or from rest relative to the input.  Raises ModelError."""
+    """The prediction of a model from the initial state ``start`` (n,), or from rest relative to the input.  Raises
+    ModelError where the model cannot be simulated."""
     trajectory = experiment.model(model).simulate(experiment.drive, experiment.time, start, substep_s=substep_s)
     return Prediction(experiment, trajectory)
 
 
 @dataclass(frozen=True)
 class PhaseError:
-    """Root mean square of the residual in one phase of the motion, its share of samples and of the squared error."""
+    """Root mean square of the residual in one phase of the motion; samples, error: the shares of the samples and of the
+    squared error that are in this phase."""
 
     phase: str
     rms: float
@@ -90,8 +93,11 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class ColumnResidual:
-    """The residual of one column in all recordings that have it: base: the model's; predictions, and the temperature of
-    each (N,), where known; noise: that of the sensor."""
+    """The residual of one column in all recordings that have it.
+
+    base: that of the model; predictions: of these recordings; temperatures: (N,) for each, None where not recorded;
+    noise: of the sensor.
+    """
 
     base: str
     name: str
@@ -101,7 +107,7 @@ class ColumnResidual:
 
     @cached_property
     def residuals(self) -> list[FloatArray]:
-        """Of each recording (N,), NaN where the column was not sampled."""
+        """The residual of each recording (N,), NaN where the column was not sampled."""
         return [one.residual(self.name) for one in self.predictions]
 
     @cached_property
@@ -119,7 +125,7 @@ class ColumnResidual:
 
     @cached_property
     def phases(self) -> tuple[PhaseError, ...]:
-        """The phase with the largest share of the error first."""
+        """The errors of the phases of the motion, the one with the largest share first."""
         squares: dict[str, list[FloatArray]] = {}
         for prediction, residual in zip(self.predictions, self.residuals, strict=True):
             for phase, mask in phases(self.base, prediction.trajectory).items():
@@ -131,7 +137,7 @@ class ColumnResidual:
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """Twenty blocks for each recording."""
+        """The errors in ``BLOCKS`` equal parts of each recording."""
         found = []
         for prediction, residual in zip(self.predictions, self.residuals, strict=True):
             time = prediction.experiment.time
@@ -173,6 +179,7 @@ def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[s
 
 
 def _phase(name: str, squares: FloatArray, all_of_it: FloatArray) -> PhaseError:
+    """The error of a phase from its squared residuals, and those of all phases."""
     share = float(squares.sum() / max(all_of_it.sum(), 1e-300))
     rms = float(np.sqrt(squares.mean())) if squares.size else 0.0
     return PhaseError(name, rms, squares.size / all_of_it.size, share)

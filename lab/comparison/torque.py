@@ -1,9 +1,9 @@
-"""The torque that a model needs for the measured motion, beside the measured one.  No parameter is fitted.
+"""Compares the measured torque of a joint with the torque that a model needs for the measured motion.
 
 The torque of a controlled joint reacts to every disturbance, so that a simulation with this torque as its input
 diverges (an integrated error of 1 % of a torque is thousands of degrees after a minute).  The inverse model integrates
-nothing: tau = J theta_2'' less the torques of the effects, within the band in which the motion exceeds its noise.  Fit
-and search minimise the same error for such a joint.
+nothing: tau = J theta_2'' less the torques of the effects, within the band in which the motion exceeds its noise.  For
+such a joint fits and searches minimise the same error.  No parameter is fitted here.
 
 Reference: W. Khalil and E. Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
 """
@@ -37,22 +37,22 @@ TORQUE = "torque"
 def needed_torques(
     model: Model, experiments: Sequence[Experiment], channel: Channel
 ) -> tuple[list[Prediction], float, Finding]:
-    """For each experiment, the measured torque and the one that the model needs; the sensors' noise [N m]; and on what
-    the residual torque depends.  channel: that of a fit, or the one that these recordings have.
+    """The measured torque and the one that the model needs, for each experiment; the noise of the sensors [N m]; and
+    the description of the residual torque.  channel: that of a fit, or of these recordings.
 
-    The time axis is that on which a fit compares them; the measured torque is NaN where it does not: near both ends,
-    where the filter has transients, and at rest, where dry friction may have any value up to its largest.
+    The times are those at which a fit compares the two.  The measured torque is NaN where a fit does not compare them:
+    near both ends, where the filter has transients, and at rest, where dry friction has any value up to its largest.
     """
     signals = [channel.signals(one) for one in experiments]
     data = InverseModel.of(signals, model)
-    fit = regressed(held(model, model.parameters), data)  # of the zeros of encoders that count from where they start
+    fit = regressed(held(model, model.parameters), data)  # fits the zero angles only
     pairs = zip(data.shifted(fit.nuisance), data.needed(model, fit.nuisance), strict=True)
     predictions = [_prediction(one, torque) for one, torque in pairs]
     return predictions, max(noise_floor(one, model) for one in signals), described(fit)
 
 
 def _prediction(signals: Signals, torque: FloatArray) -> Prediction:
-    """torque: what the model needs (N,) [N m], at the signals' times."""
+    """The prediction of one recording; torque: the one that the model needs at the times of the signals (N,) [N m]."""
     at = signals.grid
     time = signals.time[at]
     measured = np.where(np.isin(at, signals.kept), signals.smooth(signals.torque)[at], math.nan)

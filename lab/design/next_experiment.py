@@ -1,8 +1,9 @@
-"""What to record next: the motion in which competing models differ most, simulated from them.  Nothing is fitted.
+"""Proposes the next experiment: of some motions the one in which competing models differ most.
 
-The first model's motion is taken as measured.  The others predict it in short segments from the same states, as impacts
-amplify every difference.  Differences count as far as neither initial states nor the first model's free parameters
-could imitate them: those will be refitted to the new recording.
+The motion of the first model is simulated and taken as measured.  The other models predict it in short segments from
+the same states, as impacts amplify every difference.  Their differences are projected off the derivatives by the
+initial states and by the free parameters of the first model, as these will be fitted to the new recording.  A search
+asks for it where the recordings do not distinguish two effects.  Nothing is fitted here.
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
 
 @dataclass(frozen=True)
 class _Proposal:
-    """A motion and its instructions for a person."""
+    """A motion, and the text that describes it to a person."""
 
     text: str
     motion: Motion
 
 
 def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
-    """Which motion to record to distinguish models that explain the recordings equally well.
+    """A sentence on the motion to record to distinguish models that explain the recordings equally well.
 
-    models: fits of one base, best first.  "" where there is nothing to distinguish, the recordings have no input, or
-    the time of the search is up.
+    models: fitted models of one base, the best first.  Returns "" where there is nothing to distinguish, the recordings
+    have no input, or the time of the search is up.
     """
     if len(models) < 2 or task.experiments[0].drive is None:
         return ""
@@ -67,13 +68,14 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
 
 
 def _own(model: Model, models: Sequence[Model]) -> str:
-    """The effect that the others do not all have."""
+    """The effect of a model that not all of the models have."""
     shared = set.intersection(*(set(other.effects) for other in models))
     return next((effect for effect in model.effects if effect not in shared), model.base)
 
 
 def _proposals(base: str, experiments: Sequence[Experiment]) -> list[_Proposal]:
-    """Motions around the recorded one: slower, faster, larger, smaller, a sweep, an irregular one, steps with rests."""
+    """The motions to compare: slower, faster, larger and smaller ones than the recorded motion, a sweep, an irregular
+    motion, and steps with rests."""
     size, hz = _recorded(experiments)
     unit = INPUT_UNITS.get(base, "rad")
     unit = words.of_axis(unit, experiments[0].is_linear, experiments[0].drive_unit)
@@ -97,7 +99,8 @@ def _proposals(base: str, experiments: Sequence[Experiment]) -> list[_Proposal]:
 
 
 def _recorded(experiments: Sequence[Experiment]) -> tuple[float, float]:
-    """Amplitude and frequency [Hz] of the sine that moves as far and as fast as the recorded inputs."""
+    """Amplitude and frequency [Hz] of the sine with the same standard deviations of position and speed as the
+    inputs."""
     drives = [(e.drive, e.time) for e in experiments if e.drive is not None]
     place = float(np.mean([np.std(drive.position(time)) for drive, time in drives]))
     speed = float(np.mean([np.std(drive.velocity(time)) for drive, time in drives]))
@@ -105,7 +108,7 @@ def _recorded(experiments: Sequence[Experiment]) -> tuple[float, float]:
 
 
 def _steps(size: float, rise_s: float) -> Sampled:
-    """Up and down again, smoothly, at rest in between."""
+    """Smooth steps up and down with rests in between; rise_s: the length of a step [s]."""
     time = np.arange(0.0, LENGTH_S, rise_s / 20)
     phase, turn = np.divmod(time, rise_s + REST_S)
     share = (1 - np.cos(np.pi * np.clip(turn / rise_s, 0.0, 1.0))) / 2
@@ -113,8 +116,8 @@ def _steps(size: float, rise_s: float) -> Sampled:
 
 
 def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
-    """Root mean square difference between the first model and the nearest of the others, in units of the noise; 0 where
-    one of them cannot be run, or not in time."""
+    """Root mean square difference between the first model and the most similar of the others, in units of the noise; 0
+    where one of them cannot be simulated, or not in time."""
     first = models[0]
     try:
         segments = _segments(motion, first, task)
@@ -131,7 +134,7 @@ def _separation(motion: Motion, models: Sequence[Model], task: Task) -> float:
 
 
 def _segments(motion: Motion, model: Model, task: Task) -> list[Segment]:
-    """The model's motion as short segments of measurement, each with the state at its start."""
+    """The simulated motion of a model in short segments, as if it were measured, each with its true initial state."""
     like = task.experiments[0]
     own = like.model(model)
     start = float(motion.time[0]) if isinstance(motion, Sampled) else 0.0
@@ -148,7 +151,8 @@ def _segments(motion: Motion, model: Model, task: Task) -> list[Segment]:
 def _apart(
     model: Model, before: Model, segments: Sequence[Segment], blocks: Sequence[Linearised], substep_s: float
 ) -> float:
-    """Root mean square of the difference that the linearised model cannot imitate; 0 if the simulation fails."""
+    """Root mean square of the difference of a model to the first one that neither initial states nor parameters of the
+    first one imitate; blocks: its linearised residuals.  0 where the simulation fails."""
     differences, slopes = [], []
     for segment, block in zip(segments, blocks, strict=True):
         own = segment.experiment.model(model)
