@@ -1,6 +1,7 @@
-"""Autoregressive noise models: fitting, whitening, simulation.
+"""Autoregressive noise models x_t = a_1 x_(t-1) + … + a_p x_(t-p) + e_t: fitting, whitening, simulation.
 
-x_t = a_1 x_(t-1) + … + a_p x_(t-p) + e_t with independent e_t of one standard deviation; p = 0 is white noise.
+The innovations e_t are independent, with one standard deviation; with p = 0 the noise is white.  Tests of a residual,
+confidence intervals and the score test use these models.
 """
 
 from __future__ import annotations
@@ -23,25 +24,25 @@ HUBER = 2.5
 REWEIGHTINGS = 4
 EDGE = 4.0
 OUTLIER, FEW = 8.0, 0.03
-"""Outliers: samples beyond so many deviations are left out, if they are at most this share."""
+"""Samples beyond so many robust standard deviations are outliers; they are left out if their share is at most this."""
 MAD = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Stationary Gaussian noise of mean zero: coefficients a (p,), and the standard deviation of e_t."""
+    """Stationary Gaussian noise of mean zero.  coefficients: a_1 … a_p (p,); innovation: standard deviation of e_t."""
 
     coefficients: FloatArray
     innovation: float
 
     @classmethod
     def white(cls, rms: float) -> NoiseModel:
-        """White noise."""
+        """White noise with this standard deviation."""
         return cls(np.zeros(0), float(rms))
 
     @property
     def order(self) -> int:
-        """p."""
+        """The order p."""
         return int(self.coefficients.size)
 
     @cached_property
@@ -50,20 +51,21 @@ class NoiseModel:
         return float(np.sqrt(self.autocovariance(0)[0]))
 
     def autocovariance(self, most_lags: int) -> FloatArray:
-        """gamma(0 … most_lags), from the spectrum."""
+        """The autocovariance at the lags 0 … most_lags (most_lags + 1,), from the spectrum."""
         return np.asarray(np.fft.irfft(self._power)[: most_lags + 1])
 
     def density(self, frequency_hz: FloatArray, rate_hz: float) -> FloatArray:
-        """One-sided power spectral density, unit² per Hz."""
+        """One-sided power spectral density at these frequencies (F,) [unit²/Hz]."""
         lags = np.arange(1, self.order + 1)
         response = 1 - np.exp(-2j * np.pi * np.outer(frequency_hz / rate_hz, lags)) @ self.coefficients
         return np.asarray(2 * self.innovation**2 / rate_hz / np.abs(response) ** 2)
 
     def whiten(self, x: FloatArray) -> FloatArray:
-        """Whitens x (N,) of this noise to independent samples of variance 1; NaN where x is, each run separately.
+        """The standardised innovations (N,) of a series x (N,) of this noise, which are independent with variance 1;
+        NaN where x is NaN.
 
-        The first p samples of a run are predicted by the predictors of lower order, so that the sum of squares is
-        that of the exact likelihood.
+        Each run without NaN is whitened separately.  Its first p samples are predicted by predictors of lower order, so
+        that the sum of squares is that of the exact likelihood.
         """
         white = np.full(x.shape, np.nan)
         predictors = self._predictors
@@ -79,7 +81,7 @@ class NoiseModel:
         return white
 
     def simulate(self, rng: np.random.Generator, *shape: int) -> FloatArray:
-        """Stationary segments (..., N), independent of each other."""
+        """Random stationary series of a shape (..., N), independent of each other."""
         *many, samples = shape
         impulse = np.fft.irfft(1 / self._response)
         impulse = impulse[: int(np.flatnonzero(np.abs(impulse) > 1e-6)[-1]) + 1]
@@ -90,7 +92,7 @@ class NoiseModel:
 
     @cached_property
     def _response(self) -> FloatArray:
-        """A(f) = 1 - sum a_k exp(-2 pi i f k) on the grid."""
+        """1 - sum_k a_k exp(-2 pi i f k) on the grid of frequencies."""
         return np.asarray(np.fft.rfft(np.concatenate(([1.0], -self.coefficients)), GRID))
 
     @property
@@ -99,7 +101,8 @@ class NoiseModel:
 
     @cached_property
     def _predictors(self) -> list[tuple[FloatArray, float]]:
-        """Weights on the samples before, newest first, and the error's deviation, for 0 … p of them (Levinson)."""
+        """For the orders 0 … p, the weights of the linear predictor, those of the newest samples first, and the
+        standard deviation of its error (Levinson's recursion)."""
         gamma = self.autocovariance(self.order)
         weights, variance = np.zeros(0), float(gamma[0])
         found = [(weights, np.sqrt(variance))]
@@ -119,9 +122,10 @@ def runs(x: FloatArray) -> list[slice]:
 
 
 def fit_autoregression(series: Sequence[FloatArray], most: int = 8) -> NoiseModel:
-    """The order up to ``most`` by BIC, coefficients by least squares with Huber weights; NaN are gaps.
+    """Fits one autoregression to several series (N_i,), with NaN as gaps.
 
-    Raises ValueError where less than 4 samples follow each other.
+    The order, at most ``most``, has the least BIC.  The coefficients follow by least squares with Huber weights.
+    Raises ValueError where no 4 samples follow each other.
     """
     segments = [x[run] for x in map(_without_outliers, series) for run in runs(x)]
     longest = max((x.size for x in segments), default=0)
@@ -158,20 +162,21 @@ def _weighted(windows: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _solved(gram: FloatArray, order: int) -> tuple[FloatArray, float]:
-    """Coefficients (order,) and the mean square error, up to a factor."""
+    """The coefficients (order,) of the normal equations of this order, and the mean square error up to a factor."""
     across = gram[1 : order + 1, 0]
     coefficients = np.asarray(np.linalg.lstsq(gram[1 : order + 1, 1 : order + 1], across, rcond=None)[0])
     return coefficients, max(float(gram[0, 0] - across @ coefficients), 1e-300)
 
 
 def _scale(errors: FloatArray) -> float:
-    """Root mean square with clipped outliers."""
+    """The root mean square of errors (N,), those beyond ``EDGE`` robust standard deviations being clipped."""
     usual = MAD * float(np.median(np.abs(errors)))
     return float(np.sqrt(np.mean(np.minimum(errors**2, (EDGE * usual) ** 2)))) if usual else float(np.std(errors))
 
 
 def _stable(coefficients: FloatArray) -> FloatArray:
-    """The coefficients with roots moved away from the unit circle, as far as a simulation needs."""
+    """The coefficients with the roots of their polynomial within ``LARGEST_ROOT`` of zero, so that simulations are
+    stationary."""
     if not coefficients.size:
         return coefficients
     largest = float(np.max(np.abs(np.roots(np.concatenate(([1.0], -coefficients))))))

@@ -1,4 +1,7 @@
-"""The limit of the accelerometer's range, from saturated readings.  No fitting here."""
+"""The limit of the accelerometer's range, from saturated readings.
+
+It is read off the readings and not fitted: the search of gears uses it as a candidate, and fits as a bound.
+"""
 
 from __future__ import annotations
 
@@ -12,27 +15,28 @@ from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["RANGE", "at_its_rail", "rail_of", "with_range"]
+__all__ = ["RANGE", "clipping_level", "with_clipping", "with_range"]
 
 RANGE = "sensor_saturation"
 _END = f"{RANGE}.a_max"
 
 
-def rail_of(experiments: Sequence[Experiment]) -> float | None:
-    """The limit of the accelerometer's range [m/s²], where readings saturate; None where none do."""
+def clipping_level(experiments: Sequence[Experiment]) -> float | None:
+    """The limit of the accelerometer's range [m/s²]: the largest magnitude of the readings, if at least
+    ``policy.RAILED`` readings have it; else None."""
     ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= policy.RAILED]
     return float(max(ends)) if ends else None
 
 
-def at_its_rail(model: Model, experiments: Sequence[Experiment]) -> Model | None:
-    """The model with the limited range of a sensor that saturates; None where it does not."""
-    rail = rail_of(experiments)
+def with_clipping(model: Model, experiments: Sequence[Experiment]) -> Model | None:
+    """The model with a limited range of the sensor at the limit that the readings show; None where they show none."""
+    rail = clipping_level(experiments)
     return None if rail is None else model.with_effect(RANGE).replace({_END: rail})
 
 
 def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
-    """The model with a sensor range at least as large as its readings: noise is added before saturation, so a fit to
-    saturated readings would underestimate the range."""
+    """The model with a range of the sensor, if it has a limited one, of at least the largest reading.  As noise is
+    added before saturation, a fit to saturated readings would underestimate the range."""
     if _END not in model.parameters or model.parameters[_END].fixed:
         return model
     largest = float(max((size.max() for size in _sizes(experiments)), default=0.0))
@@ -43,6 +47,6 @@ def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
 
 
 def _sizes(experiments: Sequence[Experiment]) -> list[FloatArray]:
-    """Magnitudes of the readings [m/s²] of each experiment that has any."""
+    """The magnitudes of the readings (N_i,) [m/s²] of each experiment that has any."""
     read = [e.measured[ACCEL] for e in experiments if ACCEL in e.measured]
     return [np.abs(values[~np.isnan(values)]) for values in read if not np.isnan(values).all()]

@@ -1,5 +1,4 @@
-"""Selects the parts of long recordings that a search uses: the windows in which the motion changes most.  Nothing is
-simulated."""
+"""Selects the parts of long recordings that a search of gears uses: the windows in which the motion changes most."""
 
 from __future__ import annotations
 
@@ -17,9 +16,9 @@ WINDOW_SHARE = 0.25
 
 
 def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experiment]:
-    """The experiments, or windows of them of at most so many seconds in all.
+    """The experiments, or windows of them with a total length of at most ``most_s`` [s].
 
-    Recordings are taken evenly over the list.  A recording longer than its share is cut to the window in which the
+    Experiments are chosen evenly over the list.  One that is longer than its share is cut to the window in which its
     measured signals change most.
     """
     if sum(one.duration for one in experiments) <= most_s:
@@ -36,7 +35,7 @@ def excerpts(experiments: Sequence[Experiment], most_s: float) -> list[Experimen
 
 
 def _spread(count: int) -> list[int]:
-    """All numbers below count in bit-reversed order, so that any first few of them are spread evenly."""
+    """The numbers 0 … count - 1 in bit-reversed order, so that the first of them are spread evenly."""
     bits = max(count - 1, 1).bit_length()
     every = (int(f"{at:0{bits}b}"[::-1], 2) for at in range(2**bits))
     return [at for at in every if at < count]

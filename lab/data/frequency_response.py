@@ -1,9 +1,8 @@
-"""Rough inertia, damping and stiffness from the spectra of input and output, and the lines of a spectrum.  Nothing is
-simulated.
+"""Rough estimates of inertia, damping and stiffness from the spectra of input and output; and spectral lines.
 
-Recordings come in volts, newtons or newton metres: the values of a model's file may be wrong by many orders of
-magnitude, too far for a fit to converge.  Every equation of motion is linear in these parameters, and friction is in
-phase with speed, so that least squares in the frequency domain gives good initial values.
+Recordings may be in volts, newtons or newton metres, so that the values of a model file may be wrong by orders of
+magnitude, too far for a fit to converge.  Every equation of motion is linear in these parameters, so that least squares
+in the frequency domain gives initial values for all fits.  Nothing is simulated here.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ ORDER: Mapping[str, Mapping[str, int]] = {
     "oscillator": {"m": 2, "b": 1, "k": 0},
     "joint": {"J": 2, "viscous_friction.b_v": 1},
 }
-"""By base, the parameters that a model may have and which derivative of the output each multiplies."""
+"""By base, the parameters that are estimated, and the order of the derivative of the output that each multiplies."""
 OUTPUTS: Mapping[str, Mapping[str, int]] = {"oscillator": {"displacement": 0, "accel": 2}, "joint": {"position": 0}}
-"""By base, what may be recorded of the output, the most direct first, and which of its derivatives that is."""
+"""By base, the columns of the output, the most direct one first, and the order of the derivative that each is."""
 BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (np.sin, np.cos)}
-"""By base, further regressors of the output: gravity must not be taken for inertia, even where the model has none."""
+"""By base, functions of the output that are further regressors, so that a weight is not taken for an inertia."""
 CLEAR = 300.0
-"""Times the power at the highest frequencies, which is noise: bins above it are used."""
+"""Ratio of the power to that at the highest frequencies, which is noise, above which a bin is used."""
 LEAST_BINS = 6
 
 
@@ -65,8 +64,8 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
 def _spectra(
     experiment: Experiment, column: str, order: int, functions: Sequence[Callable[[FloatArray], FloatArray]]
 ) -> list[Spectrum]:
-    """Spectra of the force's derivative of this order, of what was recorded, its first and second derivative, and
-    functions of it, where it exceeds its noise.
+    """The spectra, at the frequencies at which the output exceeds its noise, of the force's derivative of this order;
+    of the output, its first and its second derivative; and of functions of the output.
 
     All use the same taper w, which is zero at both ends together with its slope, so that integration by parts is exact:
     int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
@@ -95,7 +94,7 @@ def _spectra(
 
 
 def usual_torque(model: Model, experiment: Experiment) -> float:
-    """Root mean square of the torque that drives a joint or servo [N m], at the angles that were measured; else 0."""
+    """Root mean square of the torque that drives a joint or servo at the measured angles [N m]; 0 without an input."""
     if experiment.drive is None or "position" not in experiment.measured:
         return 0.0
     drive = experiment.drive.position(experiment.time)
@@ -114,8 +113,8 @@ CLEAR_LINE = 100.0
 
 
 def spectral_lines(values: FloatArray, rate_hz: float) -> tuple[float, ...]:
-    """Frequencies [Hz] of the lines in the spectrum of values (N,), NaN where not sampled, the largest first, six at
-    most."""
+    """The frequencies [Hz] of at most ``MOST`` lines in the spectrum of values (N,), NaN where not sampled, the
+    strongest first."""
     from scipy.signal import periodogram
 
     known = np.isfinite(values)

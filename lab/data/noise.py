@@ -1,7 +1,8 @@
-"""Estimates the noise of a signal before any model fits: windows of a few dozen samples are projected off smooth motion
-and a ringing bar; those without an impact or other disturbance show the noise.
+"""Estimates the noise of a signal before any model is fitted.
 
-The innovations of the residual of a good fit (autoregression.py) show it better.
+Windows of a few dozen samples are projected off smooth motion and a ringing bar.  What is left in windows without an
+impact or another disturbance is noise.  Searches and comparisons compare their errors with it.  The innovations of the
+residual of a good fit (autoregression.py) are a better estimate.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ SMALLEST = 1e-12
 
 
 def noise_models(experiments: Sequence[Experiment]) -> dict[str, NoiseModel]:
-    """The noise of each measured column: the model with the median size of all experiments, the lower of two."""
+    """The noise model of each measured column: of those of all experiments the one with the median size, of two the
+    smaller."""
     found: dict[str, list[NoiseModel]] = {}
     for one in experiments:
         for name, values in one.measured.items():
@@ -55,8 +57,8 @@ def noise_of(experiments: Sequence[Experiment]) -> dict[str, float]:
 
 
 def quiet_noise(values: FloatArray) -> NoiseModel:
-    """The noise of a signal (N,), NaN where not sampled, as a first-order autoregression x_t = a x_(t-1) + e_t, at
-    least that of the signal's resolution.
+    """The noise of a signal (N,), NaN where not sampled, as a first-order autoregression x_t = a x_(t-1) + e_t; it is
+    at least the rounding of the signal.
 
     Its size over the true one, of simulated accelerations of the base play (hand-waved, f_res 45-75 Hz, 800 Hz, 4 s)
     with noise of 1-20 % of the signal, was 0.95-1.05 for white noise, 0.85-1.4 for AR(1) noise of 0.5 (up to 2.5 at
@@ -92,7 +94,7 @@ def quiet_noise(values: FloatArray) -> NoiseModel:
 
 
 def resolution(values: FloatArray) -> float:
-    """The smallest step between two values that occur, 0 for less than two values."""
+    """The smallest difference between two values that occur (N,); 0 for less than two values."""
     distinct = np.unique(values[np.isfinite(values)])
     steps = np.diff(distinct)
     steps = steps[steps > 1e-9 * np.max(np.abs(distinct), initial=0.0)]
@@ -100,7 +102,7 @@ def resolution(values: FloatArray) -> float:
 
 
 def _windows(values: FloatArray) -> FloatArray | None:
-    """Windows (W, L), half overlapping; None where there are not enough."""
+    """Half overlapping windows (W, L) of a signal; None where there are not enough."""
     segments = [values[run] for run in runs(values)]
     for length in WINDOWS:
         found = [sliding_window_view(x, length)[:: length // 2] for x in segments if x.size >= length]
@@ -154,7 +156,8 @@ def _covariance(free: FloatArray, correlation: float) -> FloatArray:
 
 
 def _restricted(rest: FloatArray, free: FloatArray) -> tuple[float, float]:
-    """Correlation of neighbours and stationary deviation that make windows (W, L - p) most likely."""
+    """The correlation of neighbouring samples and the stationary standard deviation with the largest restricted
+    likelihood of projected windows (W, L - p)."""
     scores, deviations = [], []
     for correlation in CORRELATIONS:
         factor = np.linalg.cholesky(_covariance(free, correlation))

@@ -34,7 +34,7 @@ __all__ = [
     "held_for",
     "lost_readings",
     "rows_of_base",
-    "turned_on",
+    "unwrapped",
     "without_held_readings",
     "without_lost_readings",
     "without_wraps",
@@ -166,7 +166,7 @@ def without_wraps(recording: Recording) -> Recording:
     for name in ANGLES:
         values = columns.get(name, np.empty(0))
         seen = np.flatnonzero(~np.isnan(values))
-        found = turned_on(values[seen])
+        found = unwrapped(values[seen])
         if found is not None:
             columns[name] = np.array(values)
             columns[name][seen] = found
@@ -178,8 +178,8 @@ def without_wraps(recording: Recording) -> Recording:
     return replace(recording, columns=columns)
 
 
-def turned_on(values: FloatArray) -> FloatArray | None:
-    """The angle (N,) without its jumps by one size, a turn or the range of a counter; None where it has none.
+def unwrapped(values: FloatArray) -> FloatArray | None:
+    """The angle (N,) without its jumps by one size, a turn or the range of a counter; None where there are none.
 
     What begins anew goes on in the direction from which it came, against the jump; a servo that jumps between two goals
     faster than it is read rests before and after.  Near a turn the readings of a shaft at rest may jump, too.

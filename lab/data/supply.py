@@ -1,8 +1,8 @@
-"""Parameters from a servo's recorded voltage: the gain of its controller and the limit of its duty, or its supply.
+"""Parameters of a servo from its recorded voltage: the gain of its controller and the limit of its duty, or its supply.
 
 A servo reports either the voltage of its motor, which depends on the position error, or its supply voltage, which does
-not.  The control law of the base is U duty = U sat(kp error_gain (theta_1 - theta_2)), so the first is a line through
-zero.
+not.  By the control law of the base, U duty = U sat(kp error_gain (theta_1 - theta_2)), the former is proportional to
+the position error.  The values are given to the experiments (experiment.py) like metadata of a recording.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def supplied(recording: Recording) -> tuple[str, str]:
 
 
 def of_voltage(model: Model, recording: Recording) -> dict[str, float]:
-    """kp, cap and U, those that are fixed parameters of the model and follow from the voltage."""
+    """The values of kp, cap and U that follow from the recorded voltage, those that are fixed parameters of the
+    model."""
     columns = recording.columns
     if model.base != "servo" or any(name not in columns for name in ("voltage", "command", "position")):
         return {}

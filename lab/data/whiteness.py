@@ -1,9 +1,10 @@
-"""Tests whether a residual is white, independent of the input, or stationary noise without lines, with bounds that hold
-for coloured series.  No plots.
+"""Tests of whether a residual is white, independent of the input, or stationary noise without lines, with bounds that
+hold for coloured series.
 
-Errors of a model depend on the motion: after impacts, at high speed, at one angle.  So the variance of the residual's
-innovations varies more between blocks than that of noise; or their spectrum has a line.  Neither test needs the level
-of the noise, which before a model fits is known to some 30 % at best.
+The errors of a model depend on the motion: on impacts, on the speed, on the angle.  So the variance of the innovations
+of a residual varies more between blocks than that of noise, or their spectrum has a line.  Neither test needs the level
+of the noise, which before a model fits is known to some 30 % at best.  Comparisons and the search of gears use these
+tests.
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ KEPT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """lags [samples]; values: the correlation at each; bound: beyond it a value differs from 0, at 5 % for all lags
-    together; p_value: of all of them being 0."""
+    """Correlations at several lags.
+
+    lags (K,) [samples]; values: the correlation at each (K,); bound: of values of noise, at the level of
+    ``policy.SIGNIFICANT`` for all lags together; p_value: of the hypothesis that all of them are 0.
+    """
 
     lags: FloatArray
     values: FloatArray
@@ -38,12 +42,13 @@ class Correlation:
 
     @property
     def significant(self) -> bool:
-        """Whether they are not all 0, at 5 %."""
+        """Whether the hypothesis that all are 0 is rejected."""
         return self.p_value < policy.SIGNIFICANT
 
 
 def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
-    """100 (1 - |y - y'|/|y - mean y|), the NRMSE fit [%]: 100 is perfect, 0 as good as the mean; NaN are left out."""
+    """The fit 100 (1 - |y - y'|/|y - mean y|) [%] of modelled y' to measured y (N,), with NaN left out; 100 is perfect,
+    0 as good as the mean."""
     there = np.isfinite(measured) & np.isfinite(modelled)
     y = measured[there]
     error, spread = float(np.linalg.norm(y - modelled[there])), float(np.linalg.norm(y - y.mean()))
@@ -51,9 +56,10 @@ def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
 
 
 def autocorrelation(residual: FloatArray) -> Correlation:
-    """Autocorrelation of a residual (N,), NaN being gaps, at lags 1 … LAGS.
+    """The autocorrelation of a residual (N,), with NaN as gaps, at the lags 1 … LAGS.
 
-    p_value: Ljung and Box's Q = N (N + 2) sum r_k²/(N - k), chi-squared with one degree of freedom for each lag.
+    The p-value is that of Q = N (N + 2) sum_k r_k²/(N - k), which is chi-squared with one degree of freedom for each
+    lag (Ljung and Box 1978).
     """
     there = np.isfinite(residual)
     count = int(there.sum())
@@ -68,12 +74,13 @@ def autocorrelation(residual: FloatArray) -> Correlation:
 
 
 def cross_correlation(residual: FloatArray, source: FloatArray) -> Correlation:
-    """Correlation of a residual (N,) with an input, both whitened by the residual's noise model, at lags 0 … LAGS.
+    """The correlation of a residual (N,) with an input (N,), with NaN as gaps, at the lags 0 … LAGS by which the
+    residual follows the input.
 
-    Positive lags: the residual follows the input.  After Haugh, with a white residual each correlation has the variance
-    1/N whatever the input's spectrum, while of raw series it is (1 + 2 sum rho_e rho_u)/N (Bartlett), often ten times
-    as much.  The lags of a smooth input are nearly collinear; p_value takes that into account (a score test of a finite
-    impulse response from input to residual).  NaN are gaps.
+    Both are whitened by the noise model of the residual.  For a white residual each correlation has the variance 1/N,
+    whatever the spectrum of the input (Haugh 1976).  For raw series it is (1 + 2 sum rho_e rho_u)/N (Bartlett), often
+    ten times as much.  The lagged values of a smooth input are nearly collinear; the p-value takes this into account (a
+    score test of a finite impulse response from input to residual).
     """
     noise = fit_autoregression([residual])
     e = noise.whiten(residual - np.nanmean(residual))
@@ -102,7 +109,8 @@ def _correlate(x: FloatArray, y: FloatArray, most_lags: int) -> FloatArray:
 
 
 def _bound(tests: int) -> float:
-    """The normal deviate that none of so many exceeds in 95 % of cases (Sidak)."""
+    """The magnitude that none of so many independent normal deviates exceeds, at the level ``policy.SIGNIFICANT``
+    (Sidak)."""
     return float(np.sqrt(2) * erfcinv(1 - (1 - policy.SIGNIFICANT) ** (1 / max(tests, 1))))
 
 
@@ -111,13 +119,14 @@ BLOCK = 40
 
 
 def is_structured(residuals: Sequence[FloatArray]) -> bool:
-    """Whether these residuals (each (N,)) hold more than noise."""
+    """Whether these residuals, (N_i,) each, are more than stationary noise without lines."""
     noise = fit_autoregression(residuals)
     return spread(noise, residuals) > policy.SPREAD or _has_line(noise, residuals)
 
 
 def spread(noise: NoiseModel, residuals: Sequence[FloatArray]) -> float:
-    """The variance of the blocks' log-variances, relative to that of stationary Gaussian noise: 1 for noise."""
+    """The variance over blocks of the logarithm of the residuals' variance, relative to that of stationary Gaussian
+    noise, for which it is 1; noise: the model that whitens them."""
     logs = []
     for r in residuals:
         white = noise.whiten(r)
@@ -130,10 +139,10 @@ def spread(noise: NoiseModel, residuals: Sequence[FloatArray]) -> float:
 
 
 def _has_line(noise: NoiseModel, residuals: Sequence[FloatArray]) -> bool:
-    """Whether there is a line in the innovations' spectrum, averaged over the segments of one length.
+    """Whether the spectrum of the innovations has a line, averaged over the segments of one length.
 
-    The average of K periodograms of white noise is chi-squared with 2 K degrees over 2 K; of all its bins the largest
-    exceeds LINE times in the chance p.
+    The average of K periodograms of white noise is chi-squared with 2 K degrees of freedom over 2 K.  The largest of
+    all bins is compared with this at the level ``policy.FALSE_LINE`` (Bonferroni).
     """
     from scipy.stats import chi2  # imported late: only this test needs it
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.clipping import RANGE, at_its_rail
+from lostmotion.lab.data.clipping import RANGE, with_clipping
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import grown, some_tiles, unfitted
@@ -159,7 +159,7 @@ class ShortSegments:
     def _with_range(self, trials: Sequence[Trial], level: Level, may: Sequence[str]) -> list[Trial]:
         """The trials, and where readings saturate that with a limited range of the sensor (may: the candidates).  The
         score test does not see it, as segments with saturated readings are missed and left out."""
-        railed = at_its_rail(level.model, self.task.experiments) if RANGE in may else None
+        railed = with_clipping(level.model, self.task.experiments) if RANGE in may else None
         return [*trials, repaired_trial(RANGE, railed, level, self.task)] if railed else list(trials)
 
     def _validated(self, trials: Sequence[Trial], now: SegmentFit, scores: Scores) -> Proposals[SegmentFit]:

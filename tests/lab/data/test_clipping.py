@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data.clipping import rail_of
+from lostmotion.lab.data.clipping import clipping_level
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
@@ -25,7 +25,7 @@ def rail(reading: FloatArray) -> float | None:
     """Where these readings [m/s²] stop."""
     time = np.arange(reading.size) / 800.0
     recording = Recording(time, {"command": np.sin(20 * time), "accel": reading}, name="rec")
-    return rail_of(experiments(build_model("play"), [recording]))
+    return clipping_level(experiments(build_model("play"), [recording]))
 
 
 def test_readings_that_stop_are_told_from_noise_and_from_a_gap() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
-from lostmotion.lab.data.readings import turned_on
+from lostmotion.lab.data.readings import unwrapped
 from lostmotion.model import build_model
 
 T = np.arange(2000) / 200
@@ -27,7 +27,7 @@ SMALL = 0.4 * np.sin(2 * T)
 def test_an_angle_that_begins_anew_turns_on(angle: np.ndarray, period: float, noise: float) -> None:
     """A turn, or the range of a counter of 16 bits, is put back at each jump, also near rest and with noise."""
     true = angle + noise * np.random.default_rng(1).standard_normal(T.size)
-    found = turned_on(np.mod(true, period))
+    found = unwrapped(np.mod(true, period))
     assert found is not None
     assert found - found[0] == pytest.approx(true - true[0], abs=1e-9 if period < 7 else 0.02 * period)
 
@@ -37,15 +37,15 @@ def test_a_jump_between_two_goals_is_none(late: float) -> None:
     """A servo that is read ten times a second is there at once, or half way: the jump is a motion."""
     goal = 1.2 * np.sign(np.sin(0.9 * np.arange(300) / 10))
     read = goal - late * np.diff(goal, prepend=goal[0])
-    assert turned_on(read + 1e-4 * np.random.default_rng(2).standard_normal(300)) is None
-    assert turned_on(goal) is None
+    assert unwrapped(read + 1e-4 * np.random.default_rng(2).standard_normal(300)) is None
+    assert unwrapped(goal) is None
 
 
 def test_an_angle_that_never_jumps_stays() -> None:
     """Nor is one of three turns in small steps, a constant, or a few samples."""
-    assert turned_on(TO_AND_FRO) is None
-    assert turned_on(np.ones(50)) is None
-    assert turned_on(np.array([0.0, 6.2, 0.1])) is None
+    assert unwrapped(TO_AND_FRO) is None
+    assert unwrapped(np.ones(50)) is None
+    assert unwrapped(np.array([0.0, 6.2, 0.1])) is None
 
 
 def test_it_is_told(caplog: pytest.LogCaptureFixture) -> None:
