@@ -1,4 +1,5 @@
-"""Sections for a search for missing effects: ladder, ranking, detectable sizes, residual structure."""
+"""The report's sections on a search for missing effects: ladder, ranking, detectable sizes, structure of the
+residual."""
 
 from __future__ import annotations
 
@@ -17,12 +18,12 @@ __all__ = ["advice", "detectable", "ladder", "left", "ranking", "remedies"]
 
 
 def remedies(effects: tuple[str, ...]) -> Html:
-    """What to look at on the robot, for each effect that was found."""
+    """Paragraphs on what to inspect on the robot, for each of these effects."""
     return paragraphs(words.look(effect) for effect in effects)
 
 
 def ladder(climbed: Ladder) -> Section:
-    """The error after each added effect, down to the noise floor."""
+    """The error after each added effect, and the noise."""
     largest = max(rung.rms for rung in climbed.rungs)
     befores: list[tuple[str, ...] | None] = [None, *(rung.effects for rung in climbed.rungs[:-1])]
     errors, unit = quantities(climbed.rungs[0].unit, *(rung.rms for rung in climbed.rungs))
@@ -74,7 +75,8 @@ def detectable(explanation: Explanation) -> Section | None:
 
 
 def left(finding: Finding, unit: str) -> Section:
-    """The structure that no effect explains: description, shape, formula; unit: of an error of the sensor."""
+    """The structure of the residual that no effect explains: description, curve, formula; unit: of the curve where the
+    finding states none."""
     body = paragraphs(verdict.of_finding(finding))
     if finding.formula:
         body = Html(body + paragraphs([f"A short formula that fits: {finding.formula}"]))
@@ -84,7 +86,7 @@ def left(finding: Finding, unit: str) -> Section:
 
 
 def advice(explanation: Explanation) -> Section | None:
-    """What to record next; None without advice."""
+    """The proposed next experiment; None without advice."""
     if not explanation.advice:
         return None
     return Section("advice", "What to record next", paragraphs([explanation.advice]))
@@ -114,7 +116,8 @@ def _tried(explanation: Explanation, entry: Ranked) -> Html:
 
 
 def _size(name: str, triple: tuple[float, float, float], parameter: Parameter) -> str:
-    """A parameter with its interval; one whose interval holds all of its possible values is not identified."""
+    """A parameter with its interval (value, low, high), or that it is not identifiable, where the interval contains all
+    possible values."""
     _, low, high = triple
     if low <= parameter.low and high >= parameter.high:
         return f"{name} is not identifiable"

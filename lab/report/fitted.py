@@ -1,4 +1,4 @@
-"""Sections for a fit: the model and its equations, the parameters with intervals, their correlations."""
+"""The report's sections on a fit: the model and its equations, the parameters with intervals, their correlations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lostmotion.model.effects import get_effect
 __all__ = ["correlations", "model", "parameters"]
 
 STRONG = 0.95
-"""Correlations above this are reported: these recordings hardly separate the two parameters."""
+"""Magnitude of a correlation above which it is reported, as the recordings hardly separate the two parameters."""
 
 
 def model(built: Model) -> Section:

@@ -1,4 +1,4 @@
-"""Sections for a comparison: errors of each recording, over time, over states, over frequency."""
+"""The report's sections on a comparison: errors of each recording, over time, over states, over frequency."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def errors(comparison: Comparison) -> Section:
 
 
 def over_time(comparison: Comparison) -> Section:
-    """In which phases of the motion the error arises, and when."""
+    """The errors in each phase of the motion, and over the time of each recording."""
     column = comparison.column
     what, unit = comparison.label(column)
     rows = [_phase(one, unit) for one in comparison.columns[column].phases]
@@ -47,7 +47,7 @@ def over_time(comparison: Comparison) -> Section:
 
 
 def over_states(comparison: Comparison) -> Section | None:
-    """The residual of each column against each variable, significant ones unfolded; None where there are no maps."""
+    """The residual of each column over each variable, significant maps unfolded; None where there are no maps."""
     pictures = [
         (one.significant, _map(comparison.label(column), one))
         for column, found in comparison.columns.items()
@@ -79,7 +79,7 @@ def in_frequency(traces: Iterable[Trace], comparison: Comparison | None) -> Sect
 
 
 def over_lags(comparison: Comparison) -> Section | None:
-    """Correlations of the residual with itself and the input; None where there are none."""
+    """The correlations of the residual with itself and with the input; None where there are none."""
     tests = [(f"{comparison.label(column)[0]}: {name}", one)
              for column, found in comparison.columns.items() for name, one in found.tests.items()]  # fmt: skip
     if not tests:

@@ -1,4 +1,4 @@
-"""Displays a comparison, a fit, an explanation or a ladder in a notebook: sentences, tables, a plot."""
+"""How notebooks display a comparison, a fit, an explanation or a ladder: as sentences and tables, and as a plot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WIDTH, HEIGHT = 8.0, 3.6
 
 
 def html(found: Displayed) -> str:
-    """The verdict in sentences, and a table, without style sheets: a notebook has its own."""
+    """The verdict in sentences and a table, as HTML without style sheets, as a notebook has its own."""
     if isinstance(found, Ladder):
         return paragraphs(verdict.of_ladder(found)) + _rungs(found.rungs)
     if isinstance(found, Explanation):
@@ -34,8 +34,8 @@ def html(found: Displayed) -> str:
 
 
 def plot(found: Displayed) -> Figure:
-    """Measured and modelled over time, and the residual with and without the missing effects; a row for each column of
-    each recording, the unseen one first.  Raises ImportError without matplotlib."""
+    """A figure of the measured and the modelled signal over time, and of the residual with and without the missing
+    effects, for each column of each recording, the unseen one first.  Raises ImportError without matplotlib."""
     from matplotlib.figure import Figure
 
     drawn = traces_of(found)

@@ -1,4 +1,4 @@
-"""The page: its sections, their order, and the file."""
+"""The report as a file: its sections, their order, and the page around them."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def write_report(
     ladder: Ladder | None = None,
     tap: Oscillator | None = None,
 ) -> None:
-    """Writes the report of the given results; replaces an existing file atomically.
+    """Writes a report of the given results to a file; an existing file is replaced atomically.
 
-    Raises RecordingError when it cannot be written.
+    tap: the bar's resonance and damping from a tap.  Raises RecordingError where the file cannot be written.
     """
     explanation = explanation or (ladder.last if ladder else None)
     fit = fit or (explanation.best if explanation else None)
@@ -79,7 +79,7 @@ def _sections(
 def _headline(
     comparison: Comparison | None, fit: Fit | None, explanation: Explanation | None, ladder: Ladder | None
 ) -> Section | None:
-    """The verdict in plain words, and what to look at."""
+    """The verdict in sentences, and what to inspect on the robot; None without a result."""
     if ladder:
         sentences, effects = verdict.of_ladder(ladder), ladder.last.missing
     elif explanation:

@@ -1,4 +1,4 @@
-"""The report's still pictures: spectra, curves with a band, errors over time, correlations."""
+"""The report's static plots as SVG: spectra, curves with a band, errors over time, correlations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["curve", "heat_map", "history", "spectrum", "stems"]
 
 CELL = 30
 SHOWN = 0.3
-"""Correlations are written into their cell from this size on."""
+"""Magnitude of a correlation from which on its number is written into its cell."""
 
 
 def spectrum(found: Amplitudes) -> str:
@@ -36,7 +36,7 @@ def spectrum(found: Amplitudes) -> str:
 
 
 def history(title: str, label: str, unit: str, start: FloatArray, rms: FloatArray, noise: float) -> str:
-    """Root mean squares (K,) of segments that begin at start (K,) [s], against the noise."""
+    """Root mean squares (K,) over the times (K,) [s] of their segments, with the level of the noise."""
     shown = scale(unit, *rms)
     ordinate = Axis.around(_label(label, shown.unit), rms * shown.factor, [0.0, noise * shown.factor])
     frame = Frame(Axis.around("time (s)", start), ordinate, title=title)
@@ -48,7 +48,8 @@ def curve(
     title: str, x: FloatArray, mean: FloatArray, low: FloatArray, high: FloatArray, labels: tuple[str, str],
     units: tuple[str, str],
 ) -> str:  # fmt: skip
-    """A mean over a variable with a 95 % band, each (K,); labels and SI units of the variable and of the mean."""
+    """A mean over a variable x with the ends of a 95 % band, (K,) each; labels, units: those of the variable and of the
+    mean, SI."""
     across = scale(units[0], *x)
     up = scale(units[1], *mean, *low, *high)
     x, mean, low, high = x * across.factor, mean * up.factor, low * up.factor, high * up.factor
@@ -59,7 +60,7 @@ def curve(
 
 
 def stems(title: str, lags: FloatArray, values: FloatArray, bound: float) -> str:
-    """Correlations (K,) at lags (K,) [samples], and the band that noise stays in."""
+    """Correlations (K,) over lags (K,) [samples], with the band that contains those of noise."""
     lags = np.asarray(lags, dtype=float)
     ordinate = Axis.around("correlation", values, [-1.2 * bound, 1.2 * bound])
     frame = Frame(Axis.around("lag (samples)", lags), ordinate, title=title)
@@ -69,7 +70,7 @@ def stems(title: str, lags: FloatArray, values: FloatArray, bound: float) -> str
 
 
 def heat_map(names: Sequence[str], matrix: FloatArray) -> str:
-    """Correlations (P, P), blue for negative and red for positive ones, those that matter as numbers."""
+    """A matrix of correlations (P, P): blue for negative and red for positive ones, large ones with their number."""
     margin = 12 + round(6.2 * max(map(len, names)))
     size = CELL * len(names)
     cells = []

@@ -18,7 +18,8 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["packed", "signals"]
 
 EVEN = 1e-6
-"""Times are stored as start and spacing where all are within this share of the spacing from that grid."""
+"""Largest deviation of times from an even grid, as a share of its spacing, with which only start and spacing are
+stored."""
 TOOLS = (
     ("in", "+", "zoom in"),
     ("out", "−", "zoom out"),
@@ -29,7 +30,7 @@ TOOLS = (
 
 
 def signals(traces: Sequence[Trace]) -> Section:
-    """The places where the script draws, one for each column of each recording."""
+    """The section with the elements in which the script draws, one for each column of each recording."""
     text = (
         "Drag across an interval to zoom, double-click for the whole; on a phone one finger moves, two zoom. Keys: "
         "arrows, +, −, 0. The grey band holds 95 % of the sensor's noise."
@@ -41,14 +42,14 @@ def signals(traces: Sequence[Trace]) -> Section:
 
 
 def packed(traces: Sequence[Trace]) -> str:
-    """The data of those places as JSON that is safe inside a script element."""
+    """The data of these elements as JSON that is safe inside of a script element."""
     places = [_packed(number, trace, _largest(traces, trace)) for number, trace in enumerate(traces)]
     text = json.dumps(places, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 def _largest(traces: Sequence[Trace], like: Trace) -> float:
-    """The largest residual of a column in all recordings: one unit serves them all."""
+    """The largest residual of a column in all recordings, which share one unit."""
     return max(float(np.max(np.abs(trace.residual))) for trace in traces if trace.column == like.column)
 
 

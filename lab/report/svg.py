@@ -1,6 +1,6 @@
-"""Small plots as inline SVG: axes with ticks, lines, bands.
+"""Axes with ticks, lines and bands as inline SVG.
 
-Colours are the page's classes, sizes are viewBox units; plots.py composes the plots.
+Colours are CSS classes of the page, sizes are viewBox units.  plots.py composes the plots.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """label with its unit; low < high, both positive where it is logarithmic."""
+    """An axis from low to high.  label: with the unit; log: whether it is logarithmic, low and high being positive."""
 
     label: str
     low: float
@@ -33,7 +33,7 @@ class Axis:
 
     @classmethod
     def around(cls, label: str, *values: ArrayLike, log: bool = False) -> Axis:
-        """The axis that holds all finite values (positive ones where it is logarithmic), with a little room."""
+        """An axis that contains all finite values, of a logarithmic one all positive values, with a margin."""
         flat = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values])
         flat = flat[np.isfinite(flat) & ((flat > 0) | (not log))]
         if flat.size == 0:
@@ -72,7 +72,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Frame:
-    """The rectangle between two axes, in an SVG of width x height; its methods give pieces for ``svg``."""
+    """A plot with two axes in an SVG of width x height.  ``svg`` composes the pieces that the other methods return."""
 
     x: Axis
     y: Axis
@@ -86,7 +86,7 @@ class Frame:
         return self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
 
     def points(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Coordinates (N, 2) of the points that are finite in both."""
+        """The SVG coordinates (N, 2) of the points with finite x and y."""
         both = np.column_stack([self.x.share(x), self.y.share(y)])
         both = both[np.all(np.isfinite(both), axis=1)]
         both[:, 1] = np.clip(both[:, 1], -0.02, 1.02)

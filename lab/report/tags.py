@@ -1,4 +1,4 @@
-"""Pieces of HTML: sections, tables, keys.  All text is escaped here, unless it is ``Html`` already."""
+"""Pieces of HTML: sections, tables, legends.  Text is escaped here unless it is of type ``Html``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Html(str):
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of the page: the anchor, the heading, the body."""
+    """A section of the page.  id: its anchor."""
 
     id: str
     heading: str
@@ -36,7 +36,7 @@ class Section:
 
 
 def cell(*parts: str, css: str = "") -> Html:
-    """A table's cell; further parts are set small below the first."""
+    """A cell of a table; all parts but the first are set small below it."""
     first, *rest = (part if isinstance(part, Html) else Html(escape(part)) for part in parts)
     small = "".join(f"<small>{part}</small>" for part in rest if part)
     opening = f'<td class="{css}">' if css else "<td>"
@@ -53,20 +53,20 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Html]], chosen: Iterable[
 
 
 def bar(share: float, mark: float) -> Html:
-    """A cell with a bar of that share of the width, and a mark."""
+    """A cell with a bar of this share of its width, and a mark at another share; NaN for no mark."""
     full, at = (100 * min(max(v, 0.0), 1.0) for v in (share, mark))
     mark_html = f'<b style="left:{at:.2f}%"></b>' if mark == mark else ""
     return Html(f'<td class="bar"><div class="track"><i style="width:{full:.2f}%"></i>{mark_html}</div></td>')
 
 
 def key(*names: tuple[str, str]) -> Html:
-    """The key of a picture: (class, text) of each line in it."""
+    """The legend of a plot: for each line its CSS class and its text."""
     items = "".join(f'<li class="{css}">{escape(text)}</li>' for css, text in names)
     return Html(f'<ul class="key">{items}</ul>')
 
 
 def figure(picture: str, title: str, caption: str = "") -> Html:
-    """A picture, ready SVG, with its caption."""
+    """A picture (SVG) with its title and caption."""
     return Html(
         f"<figure>{picture}<figcaption><strong>{escape(title)}</strong> {escape(caption)}</figcaption></figure>"
     )
@@ -84,18 +84,18 @@ def note(text: str) -> Html:
 
 
 def more(summary: str, body: str) -> Html:
-    """A part that a tap unfolds."""
+    """A folded part of the page with a summary."""
     return Html(f"<details><summary>{escape(summary)}</summary>{body}</details>")
 
 
 def p_value(value: float) -> str:
-    """A probability with its sign, in a sentence: "p = 0.012"."""
+    """A probability for a sentence: "p = 0.012" or "p < 0.003"."""
     text = probability(value)
     return f"p\u00a0{text}" if text[0] in "u<" else f"p\u00a0=\u00a0{text}"
 
 
 def probability(value: float) -> str:
-    """A probability to two digits, in a table; very small ones only as a bound."""
+    """A probability with two digits for a table; a very small one as a bound."""
     if not math.isfinite(value):
         return "unknown"
     if value < SMALLEST_P:

@@ -1,4 +1,7 @@
-"""The results of the lab in a few sentences.  Nothing is computed here; words.py describes single effects."""
+"""The results of the lab in sentences, for the terminal, the report, notebooks and ``--json``.
+
+words.py has the sentences on single effects.  Nothing is computed here.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor"}
 
 
 def of_explanation(explanation: Explanation) -> tuple[str, ...]:
-    """The verdict: what is missing and how large, or that nothing is, or what no effect explains; the errors."""
+    """Sentences on the missing effects and their sizes, on the errors, and on structure that no effect explains."""
     error, found = explanation.error, explanation.residual
     sentences = [_named(effect, explanation) for effect in explanation.missing]
     if explanation.verdict == "nothing_missing":
@@ -55,7 +58,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
 
 
 def _named(effect: str, explanation: Explanation) -> str:
-    """An effect and its size, and the effects that are confusable with it."""
+    """A sentence on a missing effect with its size, and on the effects that are confusable with it."""
     sentence = words.sentence(effect, words.intervals(explanation.best, effect))
     alike = [words.name(name) for group in explanation.confusable if group[0] == effect for name in group[1:]]
     if not alike:
@@ -64,7 +67,7 @@ def _named(effect: str, explanation: Explanation) -> str:
 
 
 def _unused(explanation: Explanation) -> list[str]:
-    """What the search left out: effects and data."""
+    """Sentences on the effects and the data that the search left out."""
     sentences = []
     if explanation.untried:
         effects = joined([words.name(effect) for effect in explanation.untried])
@@ -87,7 +90,7 @@ def _unused(explanation: Explanation) -> list[str]:
 
 
 def of_finding(finding: Finding) -> tuple[str, ...]:
-    """Where the residual structure acts, on what it depends, and its shape."""
+    """Sentences on the equation on which the structure of a residual acts, its variables, and its shape."""
     place = PLACES.get(finding.acts_on, finding.acts_on)
     depends = joined([words.variable(name)[0] for name in finding.depends_on])
     where = f"It acts on {place}" + (f" and depends on {depends}." if depends else ".")
@@ -96,7 +99,7 @@ def of_finding(finding: Finding) -> tuple[str, ...]:
 
 
 def of_fit(fit: Fit) -> tuple[str, ...]:
-    """The error of the model, column by column, and what limits the fit."""
+    """Sentences on the error in each column, and on parameters that are not identifiable."""
     sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
     for column, rms in fit.rms.items():
         what, si = words.column(column, *axis_of(fit.experiments))
@@ -109,7 +112,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
 
 
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
-    """The error of the model in each column, and where the one in the main column comes from."""
+    """Sentences on the error in each column, and on where the error in the main column arises."""
     sentences = [_error_in(column, comparison) for column in comparison.columns]
     horizon = min(one.horizon_s for one in comparison.overlays)
     if math.isfinite(horizon):
@@ -130,7 +133,7 @@ def _error_in(column: str, comparison: Comparison) -> str:
 
 
 def _where(comparison: Comparison) -> list[str]:
-    """The phase of the motion, the frequencies and the variables of most of the error."""
+    """Sentences on the phase of the motion, the frequencies and the variables that have most of the error."""
     column = comparison.column
     phase, unit = comparison.worst_phase(column), comparison.label(column)[1]
     size, share = quantity(phase.rms, unit, 2), 100 * phase.error
@@ -147,6 +150,7 @@ def _where(comparison: Comparison) -> list[str]:
 
 
 def _why(localisation: Finding | None) -> list[str]:
+    """Sentences on the equation in which the error arises."""
     if localisation is None:
         return ["No single equation explains it: first fit the parameters (lostmotion lab fit)."]
     return [
@@ -156,13 +160,13 @@ def _why(localisation: Finding | None) -> list[str]:
 
 
 def of_ladder(ladder: Ladder) -> tuple[str, ...]:
-    """The added effects and the fall of the error, and whether anything more is missing."""
+    """The sentences on the last search of a ladder, and whether anything more is missing."""
     last = ladder.last
     return (*of_explanation(last), *(("Nothing more is missing.",) if last.missing and last.complete else ()))
 
 
 def detectable(explanation: Explanation) -> tuple[str, ...]:
-    """For each absent effect the size above which it would have been detected."""
+    """For each absent effect, the size from which on it would have been detected."""
     base = explanation.base.model.base
     return tuple(
         f"{words.name(effect)}: from {words.size(effect, parameter, value, base)} on ({parameter})"
@@ -185,6 +189,7 @@ def _falls(error: Errors, count: int) -> str:
 
 
 def _held(one: Estimate) -> str:
+    """A sentence on a parameter whose value no recording determines."""
     return (
         f"Only ratios to {one.name} are identifiable: {one.name} stays at {quantity(one.value, one.unit)}; "
         "give it in the model file, or record the input."
@@ -192,5 +197,6 @@ def _held(one: Estimate) -> str:
 
 
 def _against(error: Errors) -> str:
+    """ "0.41 m/s² against 0.40": the error and the noise."""
     (after, noise), unit = quantities(error.unit, error.after, error.noise)
     return f"{with_unit(after, unit)} against {noise}"

@@ -1,6 +1,6 @@
-"""Data for plots over time and frequency: one recorded column against the model, and its spectra.
+"""The data of plots over time and frequency: each measured column with the modelled one, and their spectra.
 
-A trace comes from a comparison or, where there is none, from simulating a fit.
+They come from a comparison or, where there is none, from the simulation of a fit.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ SEGMENTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One column of one recording: times [s], measured and modelled, (N,) each without gaps; the noise's rms or NaN.
+    """One column of one recording.
 
-    before: (N,) of the model without the effects that were found; None where there is no such model; is_linear, drive:
-    see ``words.column``.
+    time [s], measured, modelled: (N,) each, without gaps; noise: its root mean square, or NaN; before: modelled without
+    the missing effects (N,), None where there are none; is_linear, drive: see ``words.column``.
     """
 
     recording: str
@@ -58,7 +58,7 @@ class Trace:
 
     @property
     def title(self) -> str:
-        """Column and recording, by its file's name."""
+        """The quantity, and the file name of the recording."""
         return f"{self.what}, {PurePath(self.recording).name}"
 
     @property
@@ -69,7 +69,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Amplitudes:
-    """Amplitude densities [unit/√Hz] of a trace over frequency [Hz], (K,) each; noise is NaN where it is not known."""
+    """Amplitude densities of a trace [unit/√Hz] at frequencies [Hz], (K,) each; noise: NaN where it is not known."""
 
     trace: Trace
     frequency: FloatArray
@@ -80,7 +80,7 @@ class Amplitudes:
 
 
 def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | None = None) -> Iterator[Trace]:
-    """Each column of each recording against the model, and against the one before it was improved."""
+    """The traces of a comparison, or else of a fit; before: the fit without the missing effects."""
     then: list[Prediction] | None = None
     now: list[Mapping[str, FloatArray]]
     if comparison:
@@ -115,17 +115,16 @@ def traces_of(found: Displayed) -> tuple[Trace, ...]:
 
 
 def before(fit: Fit | None, explanation: Explanation | None) -> Fit | None:
-    """The fit without the missing effects, where there are any."""
+    """The fit without the missing effects of an explanation; None where there are none."""
     if fit is None or explanation is None or explanation.base.model.effects == fit.model.effects:
         return None
     return explanation.base
 
 
 def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes | None:
-    """Averaged over segments with half overlap (Welch, Hann window); None for a few samples.
+    """The amplitude densities of a trace by Welch's method (half overlapping Hann windows); None for too few samples.
 
-    Samples that are not evenly spaced are interpolated onto the median spacing first.  The noise is that of the
-    comparison, or else white.
+    The samples are interpolated onto their median spacing.  The noise is that of the comparison, or else white.
     """
     from scipy.signal import welch
 
@@ -145,7 +144,7 @@ def amplitudes(trace: Trace, comparison: Comparison | None = None) -> Amplitudes
 
 
 def _run(fit: Fit) -> list[Prediction]:
-    """The fitted quantity: the motion from the fitted initial states, or the torque."""
+    """The predictions of a fit: of the motion from the fitted initial states, or of the torque."""
     if not fit.starts:
         return needed_torques(fit.model, fit.experiments, Channel(fit.band_hz))[0]
     pairs = zip(fit.experiments, fit.starts, strict=True)
@@ -153,7 +152,7 @@ def _run(fit: Fit) -> list[Prediction]:
 
 
 def _same(some: tuple[Experiment, ...], others: tuple[Experiment, ...]) -> bool:
-    """Whether they are the same segments of the same recordings."""
+    """Whether both are the same segments of the same recordings."""
     return [(one.name, one.time.size, one.time[0]) for one in some] == [
         (one.name, one.time.size, one.time[0]) for one in others
     ]
