@@ -1,4 +1,4 @@
-"""Writes the outputs of every command of the lab: the report, the curves, the JSON document with sentences."""
+"""Writes the outputs of the lab's commands: the report, the curves, and the JSON document or the text."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write_output(
 
 
 def _in_words(found: Found) -> dict[str, Any]:
-    """The sentences for people; of effects also names, and what to look at on the robot."""
+    """The keys with sentences; for a search also the names of effects, and what to inspect on the robot."""
     if isinstance(found, Comparison):
         left = (one.variable for column in found.columns.values() for one in column.maps)
         return {"words": verdict.of_comparison(found), "variables": _variables(left)}
@@ -59,7 +59,8 @@ def _in_words(found: Found) -> dict[str, Any]:
 
 
 def _errors(fit: Fit) -> dict[str, Any]:
-    """The keys ``error`` (of the first column) and ``columns`` of a fit; nothing is added, so both errors are one."""
+    """The keys ``error`` (of the first column) and ``columns`` of a fit, in which the errors before and after are
+    equal."""
     linear, drive = any(one.is_linear for one in fit.experiments), next((e.drive_unit for e in fit.experiments), "")
     columns = {
         name: Errors(rms, rms, fit.noise.get(name, math.nan), words.column(name, linear, drive)[1]).document()

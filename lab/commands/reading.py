@@ -1,4 +1,4 @@
-"""The model and the recordings of the lab's commands: arguments and files only."""
+"""Reads the model and the recordings of the lab's commands."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experiment, ...], list[Recording]]]:
-    """The model, the recordings prepared for it, and as they are; rejects in one line what cannot be used together."""
+    """Yields the model, the experiments prepared for it, and the recordings as they are.  Raises ExperimentError, also
+    for a ModelError within the block, where model and recordings cannot be used together."""
     from lostmotion.lab.data.doubtful_units import warn_of_units
     from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.errors import ExperimentError

@@ -1,5 +1,5 @@
-"""What the lab's commands print in a terminal: tables, measured and modelled over each other, plain words.  Nothing is
-computed here."""
+"""What the lab's commands print in a terminal: sentences, tables, and a plot of the measured and the modelled
+signal."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _print_recordings(comparison: Comparison) -> None:
 
 
 def _plot(overlay: Overlay) -> str:
-    """Plots a window with a typical error; coloured only in a terminal that supports colours."""
+    """A plot of a window with a typical error, coloured only in a terminal that supports colours."""
     import plotext
 
     width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
@@ -83,7 +83,7 @@ def _plot(overlay: Overlay) -> str:
 
 
 def _segment(overlay: Overlay) -> FloatArray:
-    """Samples of the window of half a second with the median error of all windows."""
+    """The indices of the samples in that window of half a second whose error is the median of all windows."""
     seen = np.flatnonzero(np.isfinite(overlay.residual))
     time = overlay.time[seen]
     length = max(SHOWN_S, 60 * float(np.median(np.diff(time))))
@@ -141,5 +141,5 @@ def _print_ranking(explanation: Explanation) -> None:
 
 
 def _error(rms: float, shown: Scale) -> str:
-    """An error; infinite where the simulated motion of an unseen recording diverges."""
+    """An error as text; it is infinite where the simulated motion of an unseen recording diverges."""
     return f"{rms * shown.factor:.3g}" if math.isfinite(rms) else "diverges"

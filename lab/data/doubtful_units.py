@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 def warn_of_units(recording: Recording) -> None:
-    """Warns of times that are hardly in s."""
+    """Warns of a recording whose times are hardly in seconds."""
     spacing = float(np.median(np.diff(recording.time))) if recording.time.size > 1 else 0.0
     if spacing > 1 / SLOWEST:
         log.warning(

@@ -1,4 +1,4 @@
-"""A model as a TOML file: base, effects and parameters, read and written.  The physics is the model's.
+"""Reads and writes model files (TOML): base, effects and parameters.
 
     base = "play"
     effects = ["coulomb_friction"]
@@ -38,14 +38,14 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 @dataclass(frozen=True, slots=True)
 class ModelFile:
-    """The content of a model file: parameters by name (those of effects as "effect.name"), only the given ones."""
+    """The content of a model file.  parameters: those that the file states, by name, of effects as "effect.name"."""
 
     base: str
     effects: tuple[str, ...] = ()
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
 
     def build(self) -> Model:
-        """The model, the rest being defaults.  Raises ModelError."""
+        """The model, with defaults for parameters that are not stated.  Raises ModelError."""
         return build_model(self.base, effects=self.effects, values=self.parameters)
 
 
@@ -97,10 +97,8 @@ def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
 
 
 def dumps(model: ModelFile, folder: Path = Path()) -> str:
-    """The text of a model file in a folder: one line a parameter, in the given order; reads back the same.
-
-    Raises ModelError.
-    """
+    """The text of a model file, one line for each parameter, in order; folder: that of the file, to which the files of
+    user-defined effects are relative.  Reading it gives the same content.  Raises ModelError."""
     found = [(name, find(name)) for name in model.effects]
     effects = [reference(effect, folder) if isinstance(effect, OwnEffect) else name for name, effect in found]
     lines = [f"base = {toml_value(model.base)}", f"effects = {toml_value(effects)}"]
@@ -112,7 +110,8 @@ def dumps(model: ModelFile, folder: Path = Path()) -> str:
 
 
 def save(model: ModelFile, path: str | Path) -> None:
-    """Writes a model file; one of that name is replaced, at once.  Raises ModelFileError when it cannot be written."""
+    """Writes a model file; an existing file is replaced atomically.  Raises ModelFileError where it cannot be
+    written."""
     text = dumps(model, Path(path).parent)
     try:
         with replacing(path) as file:
@@ -122,7 +121,8 @@ def save(model: ModelFile, path: str | Path) -> None:
 
 
 def _flat(parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Names and values; the parameters of an effect stand in a table of its name, or under a quoted "effect.name"."""
+    """Names and values of parameters.  Those of an effect are in a table with its name, or have a quoted
+    "effect.name"."""
     for name, value in parameters.items():
         if isinstance(value, dict) and value and not value.keys() & set(_Parameter.__struct_fields__):
             yield from ((f"{name}.{inner}", item) for inner, item in value.items())
@@ -131,7 +131,7 @@ def _flat(parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _converted(table: object, kind: type[T]) -> T:
-    """Raises ModelError."""
+    """The table as a value of this type.  Raises ModelError for unknown keys and wrong values."""
     known = msgspec.structs.fields(kind)
     if isinstance(table, dict) and (unknown := [key for key in table if key not in {field.name for field in known}]):
         raise ModelError(f"unknown key {unknown[0]!r}, expected some of {', '.join(field.name for field in known)}")
@@ -142,7 +142,7 @@ def _converted(table: object, kind: type[T]) -> T:
 
 
 def _told(message: str, table: Any) -> str:
-    """msgspec's message as ours: the key, what was found and what was expected."""
+    """A message of msgspec in our form: the key, what was found and what was expected."""
     what, _, path = message.partition(" - at `")
     if missing := re.match(r"Object missing required field `(.+)`", what):
         choice = f"; expected one of {', '.join(BASES)}" if missing[1] == "base" else ""
@@ -153,7 +153,7 @@ def _told(message: str, table: Any) -> str:
 
 
 def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> Parameter:
-    """Raises ModelError."""
+    """The parameter that a file states; defaults: all parameters of the model.  Raises ModelError."""
     if name not in defaults:
         raise ModelError(f"no parameter is called {name!r}; there are {', '.join(defaults)}")
     default = defaults[name]

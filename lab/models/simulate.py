@@ -1,5 +1,7 @@
-"""Simulates a recording from a model: the readings of its sensors, with the parameters as metadata.  No files are
-touched here."""
+"""Simulates a recording from a model: the readings of its sensors, with the parameters as metadata.
+
+The command ``simulate`` writes it to a file; no files are touched here.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,8 @@ LONGEST_CHECK_S = 10.0  # of motion; the test for chaos simulates it twice more
 
 @dataclass(frozen=True, slots=True)
 class _Sensors:
-    """The sensors of a base: the column with noise, the others, those that the servo reports at its own rate, the
-    default motion, and the initial state of a free motion."""
+    """The sensors of a base.  noisy: the column with noise; exact: the other columns; servo: those that a servo reports
+    at its own rate; motion: the default; free_start: initial values of a motion without an input."""
 
     noisy: str
     exact: tuple[str, ...]
@@ -111,7 +113,7 @@ class Simulation:
         return Recording(self._times(), columns, self._metadata())
 
     def _piece_length(self) -> int:
-        """Samples in a piece; all of them where an effect counts time from the start of a simulation."""
+        """The number of samples in a piece; all samples where an effect depends on the time from the start."""
         counts_time = any(get_effect(name).clock_rate is not None for name in self.model.effects)
         return self.samples if counts_time else max(round(PIECE_S * self.rate_hz), 1)
 
@@ -148,7 +150,7 @@ class Simulation:
 def _pieces(
     model: Model, drive: Motion | None, times: FloatArray, state: FloatArray, length: int
 ) -> Iterator[Trajectory]:
-    """Each piece starts at the last time of the one before, and leaves that time out."""
+    """The simulated pieces.  Each begins at the last time of the one before, which it leaves out."""
     for begin in range(0, len(times), length):
         overlap = min(begin, 1)
         piece = model.simulate(drive, times[begin - overlap : begin + length], state)

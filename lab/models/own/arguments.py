@@ -1,4 +1,5 @@
-"""Classifies the arguments of a user-defined function, and checks that it may use them.  Nothing is run here."""
+"""Classifies the arguments of a user-defined function, and checks them: parameters, states, signals that the effect may
+read, and parameters of the base.  The function is not called here."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ WANTED = "Parameter(start, unit, low, high)"
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """A function and the arguments of its decorator; bases: None for all that are possible."""
+    """A function with the arguments of its decorator, see ``effect``; bases: None for all that are possible."""
 
     function: Callable[..., Any]
     acts_on: str
@@ -36,7 +37,7 @@ class Declared:
 
     @property
     def entry(self) -> Entry:
-        """The signal that it acts on.  Raises EffectFileError."""
+        """The signal on which the effect acts.  Raises EffectFileError for an unknown name."""
         if self.acts_on not in set(ActsOn):
             raise EffectFileError(f"{self.name}: acts_on is {self.acts_on!r}, expected one of {', '.join(ActsOn)}")
         return ENTRIES[ActsOn(self.acts_on)]
@@ -62,7 +63,8 @@ class Declared:
         return found
 
     def on(self, arguments: Arguments) -> tuple[str, ...]:
-        """The bases that have the target, the signals and the parameters it names.  Raises EffectFileError for none."""
+        """The bases that have the target of the effect and all signals and parameters that it reads.  Raises
+        EffectFileError where there are none."""
         numbers = {self.entry.target, *(READABLE[key].number for key in arguments.signals)}
         of_base = set(arguments.of_base)
         possible = tuple(base for base in bases_with(numbers) if of_base <= set(BASES[base].parameters))
@@ -114,7 +116,8 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Arguments:
-    """A function's arguments in order; its parameters, with their units, and its states."""
+    """The arguments of a function.  names: all of them, in order; own, units: its parameters and their units;
+    states."""
 
     names: tuple[str, ...]
     own: tuple[str, ...]
@@ -133,5 +136,5 @@ class Arguments:
 
     @property
     def values(self) -> tuple[str, ...]:
-        """The arguments that are constant during a motion: a kernel gets them as p."""
+        """The arguments that are constant during a motion, which a kernel gets as p."""
         return (*self.own, *self.of_base)

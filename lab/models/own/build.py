@@ -1,6 +1,7 @@
-"""Builds kernels for the solver from a user-defined function: compiled where numba can, else in plain Python.
+"""Builds kernels for the solver from a user-defined function, compiled where numba can compile it, else in plain
+Python.
 
-A kernel gets tables of numbers; the code generated here passes them to the function as arguments.
+A kernel gets arrays of signals, states and parameters; the code generated here passes their elements to the function.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ SHIFT_S = 1e-5
 
 @dataclass(frozen=True)
 class Built:
-    """The callable function, by target its kernels, and the reason where they are in plain Python."""
+    """The function, compiled if possible; kernels: each with the number of the signal that it adds to; note: why the
+    kernels are in plain Python, None where they are compiled."""
 
     function: Callable[..., Any]
     kernels: tuple[tuple[int, Kernel], ...]
@@ -36,7 +38,8 @@ class Built:
 
 
 def build(name: str, function: Callable[..., Any], arguments: Arguments, entry: Entry) -> Built:
-    """The kernels for a function.  Raises EffectFileError where the compiler sees that it returns no number."""
+    """The kernels of a function that acts on ``entry``.  Raises EffectFileError where the compiler finds that it does
+    not return numbers."""
     bodies = {entry.target: _value_lines(arguments)}
     if entry.rate is not None:
         bodies[entry.rate] = _rate_lines(arguments)
@@ -66,7 +69,7 @@ def _kernel(lines: Lines, function: Callable[..., Any]) -> Callable[..., float]:
 
 
 def _value_lines(arguments: Arguments) -> Lines:
-    """function(…) → the contribution; the states' derivatives go to dx."""
+    """The body of a kernel that returns the contribution and writes the derivatives of the states to dx."""
     call = f"function({', '.join(_slot(key, arguments) for key in arguments.names)})"
     if not arguments.states:
         return (f"return {call}",)
@@ -75,8 +78,8 @@ def _value_lines(arguments: Arguments) -> Lines:
 
 
 def _rate_lines(arguments: Arguments) -> Lines:
-    """The contribution's rate: the difference over a short time in which angles, lengths and time advance at their
-    rates."""
+    """The body of a kernel that returns the rate of the contribution: a central difference over a short time in which
+    angles, lengths and time advance at their rates."""
     later, earlier = (
         f"function({', '.join(_moved(key, arguments, sign) for key in arguments.names)})" for sign in "+-"
     )
@@ -84,11 +87,12 @@ def _rate_lines(arguments: Arguments) -> Lines:
 
 
 def _guarded(lines: Lines) -> Lines:
-    """Turns exceptions into NaN: the solver would lose those of compiled code."""
+    """The body with exceptions turned into NaN, as the solver would lose those of compiled code."""
     return ("try:", *(f"    {line}" for line in lines), "except Exception:", "    return nan")
 
 
 def _slot(key: str, arguments: Arguments) -> str:
+    """The array element of an argument."""
     if key in arguments.states:
         return f"x[{arguments.states.index(key)}]"
     if key in arguments.values:
@@ -97,6 +101,7 @@ def _slot(key: str, arguments: Arguments) -> str:
 
 
 def _moved(key: str, arguments: Arguments, sign: str) -> str:
+    """The value of an argument ``SHIFT_S`` later ("+") or earlier ("-")."""
     slot = _slot(key, arguments)
     if key not in arguments.signals:
         return slot

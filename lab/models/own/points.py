@@ -1,4 +1,7 @@
-"""Sample points at which a user-defined function is evaluated: at rest and at usual magnitudes, always the same."""
+"""Sample points at which a user-defined function is evaluated: at rest and at usual magnitudes of the signals.
+
+They are the same at each call, so that integration steps are reproducible.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,11 @@ __all__ = ["points"]
 
 
 def points(arguments: Arguments, values: Mapping[str, float], count: int, load: float | None = None) -> FloatArray:
-    """The arguments (count, K) in their order, at rest first.
+    """The values of the K arguments at some points (count, K), the first at rest.
 
-    Every other point has zero speed, where friction is steepest; every third is at the value of a parameter of the same
-    unit (the middle of a tight spot).  values: of the parameters; load: its largest magnitude, where it is known.
+    Every other point has zero speed, where friction is steepest.  At every third a signal has the value of a parameter
+    of the same unit, such as the middle of a tight spot.  values: of the parameters; load: largest magnitude of the
+    load, where it is known.
     """
     drawn, chosen = _drawn(count, len(arguments.names))
     known = {key: values[key] for key in arguments.values}
@@ -32,7 +36,7 @@ def points(arguments: Arguments, values: Mapping[str, float], count: int, load: 
 
 @lru_cache(maxsize=64)
 def _drawn(count: int, many: int) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Random numbers from -1 to 1, and large whole ones, (count, many) each."""
+    """Random numbers from -1 to 1, and random integers, (count, many) each."""
     rng = np.random.default_rng(0)
     return rng.uniform(-1, 1, (count, many)), rng.integers(0, 1 << 30, (count, many))
 
@@ -41,7 +45,8 @@ def _column(
     key: str, arguments: Arguments, known: Mapping[str, float], drawn: FloatArray, chosen: NDArray[np.intp],
     load: float | None,
 ) -> FloatArray | float:  # fmt: skip
-    """The values of one argument (count,)."""
+    """The values of one argument at the points (count,); known: those of the parameters; drawn, chosen: random
+    numbers."""
     if key in known:
         return known[key]
     row = np.arange(drawn.size)

@@ -72,21 +72,22 @@ ENTRIES: Mapping[ActsOn, Entry] = {
 
 
 def before(target: int) -> tuple[str, ...]:
-    """The names of the signals that an effect on the target may read."""
+    """The names of the signals that an effect on the signal ``target`` may read."""
     return tuple(name for name, signal in READABLE.items() if signal.number < target or _is_state(signal.number))
 
 
 def bases_with(numbers: set[int]) -> tuple[str, ...]:
-    """The bases that use all these signals; on the others one of them stays at zero."""
+    """The bases that use all of these signals."""
     return tuple(name for name in BASES if numbers <= _used(name))
 
 
 def _is_state(number: int) -> bool:
-    """States are known before any term is evaluated."""
+    """Whether a signal is a state of a base, which is known before any term is evaluated."""
     return any(state.signal == number for base in BASES.values() for state in base.states)
 
 
 def _used(name: str) -> set[int]:
+    """The numbers of the signals that a base uses."""
     base = BASES[name]
     fed = {signal for signal, _ in base.input_signals} | {state.signal for state in base.states}
     return {signals.TIME, *fed, *base.presets, *(term.target for term in base.terms)}

@@ -1,5 +1,8 @@
-"""The slopes of a user-defined function, from which the integration step follows: outside of the speeds at which dry
-friction changes its sign, and the width of that change.  No model is run."""
+"""The slopes of a user-defined function, from which the solver chooses its integration step.
+
+``sign_width`` is the speed within which dry friction changes its sign, and ``fastest_rate`` follows from the slopes at
+other speeds.  No model is simulated here.
+"""
 
 from __future__ import annotations
 
@@ -127,7 +130,8 @@ def _fastest(
 
 
 def _steepest(function: Callable[..., Any], table: FloatArray, column: int, half: float, which: int) -> float:
-    """The largest slope of the function's result (or of its part ``which``) against one argument."""
+    """The largest slope of the result of a function, of which it is the element ``which``, by one argument (column)
+    over these points (count, K); half: half the chord."""
     step = np.zeros(table.shape[1])
     step[column] = half
     with np.errstate(all="ignore"):
@@ -137,6 +141,7 @@ def _steepest(function: Callable[..., Any], table: FloatArray, column: int, half
 
 
 def _part(function: Callable[..., Any], point: FloatArray, which: int) -> float:
+    """One element of the result of a function at a point (K,); NaN where it raises."""
     try:
         found = function(*point.tolist())
         return float(found[which] if isinstance(found, tuple) else found)
@@ -147,5 +152,6 @@ def _part(function: Callable[..., Any], point: FloatArray, which: int) -> float:
 
 
 def _power_of_two(load: float) -> float:
-    """Up to a power of two, so that the sub-step does not change with every motion."""
+    """The next power of two, so that the integration step does not change with every motion; 0 where it is not
+    known."""
     return 2.0 ** math.ceil(math.log2(load)) if 0 < load < math.inf else 0.0

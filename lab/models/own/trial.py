@@ -1,4 +1,4 @@
-"""Calls a user-defined function at many points to check that it returns numbers.  No model is run."""
+"""Checks a user-defined function by calls at some points.  No model is simulated."""
 
 from __future__ import annotations
 
