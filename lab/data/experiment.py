@@ -1,8 +1,7 @@
-"""A recording prepared for the lab: the input as a motion, the measured outputs on one time axis.  Nothing is
-simulated.
+"""Recordings prepared for a model: the input as a motion, the measured outputs on one time axis.
 
-Which columns are input and which are compared depends on the base; recordings that a fit cannot use are rejected here,
-with one line on what was found and what the base needs.
+The base of the model determines the columns of both.  Every fit, search and comparison begins here.  Recordings that
+cannot be used are rejected, with one line on what was found and what the base needs.
 """
 
 from __future__ import annotations
@@ -64,8 +63,8 @@ LENGTHS = ("m", "mm", "µm", "um", "in")
 class Experiment:
     """One recording, or a segment of one.
 
-    drive: the input, or None without one; time: (N,) ascending [s]; measured: by column (N,), NaN where not sampled;
-    given: values that the recording's metadata state for fixed parameters of the model (``# kp = 12``).
+    drive: the input, None without one; time: ascending (N,) [s]; measured: by column (N,), NaN where not sampled;
+    given: values of fixed parameters of the model, from the metadata of the recording (``# kp = 12``) or its voltage.
     """
 
     name: str
@@ -88,11 +87,11 @@ class Experiment:
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second, from the median spacing."""
+        """The sampling rate, from the median spacing."""
         return float(1 / np.median(np.diff(self.time)))
 
     def between(self, start: float, stop: float) -> Experiment:
-        """The segment start <= time < stop [s on its time axis], at least two samples."""
+        """The segment with start <= time < stop [s], which has at least two samples."""
         first, last = np.searchsorted(self.time, (start - 1e-9, stop - 1e-9))
         last = max(last, first + 2)
         measured = {name: values[first:last] for name, values in self.measured.items()}
@@ -111,18 +110,19 @@ class Experiment:
         return replace(self, drive=Sampled(self.drive.time, -self.drive.values))
 
     def model(self, model: Model) -> Model:
-        """The model with the values in the metadata of this recording."""
+        """The model with the given values of this recording."""
         return model.replace(self.given) if self.given else model
 
 
 def axis_of(experiments: Sequence[Experiment]) -> tuple[bool, str]:
-    """Whether an axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
+    """Whether the axis moves along a line, and the unit of what was recorded in place of its torque, "" for a
+    torque."""
     return any(one.is_linear for one in experiments), next((one.drive_unit for one in experiments), "")
 
 
 def with_one_column(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments with the most direct of the columns that were measured in all of them, by which a motion that is
-    simulated whole is compared; a warning reports the others.  Raises ExperimentError where there is none."""
+    """The experiments with one column only, the most direct one that was measured in all of them; a warning reports the
+    others.  Raises ExperimentError where they have none in common."""
     first, *rest = experiments
     column = next((name for name in first.measured if all(name in one.measured for one in rest)), "")
     if not column:
@@ -136,14 +136,14 @@ def with_one_column(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]
 
 
 def own_rows(values: FloatArray) -> NDArray[np.intp] | None:
-    """The rows of a column (N,), NaN where it was not sampled, if it was sampled more slowly than others: if the usual
-    sample has no neighbour in the next row.  None where it was not."""
+    """The rows in which a column (N,) was sampled, if it was sampled more slowly than other columns, so that the usual
+    sample has none in the next row; else None.  NaN: not sampled."""
     at = np.flatnonzero(np.isfinite(values))
     return at if at.size > 1 and np.median(np.diff(at)) > 1 else None
 
 
 def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:
-    """The recordings for this model's base.  Raises ExperimentError for one that cannot be used."""
+    """The recordings prepared for the base of a model.  Raises ExperimentError for one that cannot be used."""
     of_motor = is_of_motor(np.concatenate([_readings(one, "voltage") for one in recordings] or [np.empty(0)]))
     return tuple(_experiment(model, recording, of_motor) for recording in recordings)
 
@@ -192,8 +192,8 @@ def _drive_unit(base: str, recording: Recording, column: str) -> str:
 
 
 def _moved(recording: Recording, base: str) -> Recording:
-    """With the position as the displacement of an oscillator, or the displacement as the position of a joint, where
-    there is no other motion; a warning reports it."""
+    """The recording with its position as the displacement of an oscillator, or its displacement as the position of a
+    joint, where it has no other motion; a warning reports it."""
     other, lacks = {"oscillator": ("position", "displacement"), "joint": ("displacement", "position")}.get(
         base, ("", "")
     )
@@ -206,8 +206,8 @@ def _moved(recording: Recording, base: str) -> Recording:
 
 
 def _without_zeros(recording: Recording, column: str) -> Recording:
-    """Without an input that is zero throughout: logs have a column of it whether or not something measures it, and a
-    gap in it is none in the motion."""
+    """The recording without an input that is zero throughout, as logs have such a column also where nothing measures
+    it. A gap in it is no gap of the motion."""
     if column == "command" or not _sampled(recording, column) or _readings(recording, column).any():
         return recording
     log.warning("%s: the %s is zero throughout, and taken as not measured", recording.name, column)
@@ -251,9 +251,10 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
 
 
 def _input(base: str, recording: Recording, of_motor: bool) -> str:
-    """The column that drives this base: of a joint without a torque the current of its motor, which is one up to a
-    factor, or else the motor's voltage, which is one up to a factor and a viscous friction.  A warning reports this,
-    and that a part is taken to move freely where something drives it.  of_motor: whether the voltage is the motor's."""
+    """The column that drives the base.  For a joint without a measured torque it is the current of the motor, which is
+    a torque up to a factor, or else its voltage, which is one up to a factor and a viscous friction.  A warning reports
+    this, and that a part is taken to move freely though something may drive it.  of_motor: whether it is that
+    voltage."""
     column = INPUT[base]
     if base in NEEDS_INPUT or _sampled(recording, column):
         return column
@@ -285,7 +286,7 @@ def _readings(recording: Recording, column: str) -> FloatArray:
 
 
 def _without_gap(name: str, column: str, time: FloatArray) -> slice:
-    """The longest part of the input without a gap; a warning reports the rest."""
+    """The samples of the longest part of the input without a gap; a warning reports the rest."""
     spacing = np.diff(time)
     gaps = np.flatnonzero(spacing > LONGEST_GAP * np.median(spacing))
     ends = np.concatenate([[0], gaps + 1, [time.size]])
@@ -302,8 +303,8 @@ def _without_gap(name: str, column: str, time: FloatArray) -> slice:
 
 
 def _check_goal(recording: Recording) -> None:
-    """Rejects a goal that is the angle itself, some rows ahead: what was reached, written where others write what was
-    sent, as some data sets for learning do.  A servo without delay, friction and weight was found in one."""
+    """Raises ExperimentError for a goal that is the angle itself some rows ahead, as some data sets for learning have
+    it. A servo without delay, friction and weight was found in one."""
     goal, position = recording.columns["command"], recording.columns["position"]
     for ahead in range(1, COPIED_ROWS + 1):
         now, then = goal[: goal.size - ahead], position[ahead:]
@@ -338,8 +339,8 @@ def _check_output(name: str, column: str, values: FloatArray) -> None:
 
 
 def _given(model: Model, recording: Recording) -> dict[str, float]:
-    """Values of fixed parameters of the model from the metadata, and from the voltage of a servo; these may differ
-    between recordings (gain, mass, supply)."""
+    """The values of fixed parameters of the model (gain, mass, supply) that a recording states in its metadata, or by
+    its voltage.  Raises ExperimentError for one that is no number."""
     found = {name: recording.metadata[name] for name, p in model.parameters.items()
              if p.fixed and name in recording.metadata}  # fmt: skip
     for name, value in found.items():

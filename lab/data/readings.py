@@ -1,17 +1,18 @@
-"""Readings that a model cannot explain, as they are no samples of its motion: repeated or lost ones, angles that begin
-anew, rows in which a motor is on or off.  Each is removed with a warning.  Nothing is fitted here.
+"""Repairs readings that are no samples of the motion: repeated or lost ones, angles that wrap, and rows in which the
+motor is on or off.  A warning reports each repair.
 
-All of the lab's likelihoods suppose that a reading belongs to its time, with errors of about one size, and one law for
-the whole recording:
+All fits assume that a reading belongs to its time, that errors have about one size, and that one law holds for the
+whole recording:
 
-- A log repeats the readings of a slower sensor or bus on its faster clock until the next one comes.  A repeated one is
-  late: a staircase, whose speed is zero on the steps.  Its spectrum has images of the motion at multiples of the true
-  rate, far above its noise, which pass for motion: the band of a robot arm of 100 Hz logged at 1 kHz ended at 200 Hz,
-  and the viscous friction of its joints was a third of what it is.
-- A bus that got no answer puts a zero, or the end of the range, in its place.  A joint cannot jump and come back within
-  a few samples: 11 of 9321 lost readings of a robot arm hid the viscous friction of its waist, and left a third of the
-  torque of other joints.
-- Encoders and ``atan2`` begin anew after a turn, and counters where they are full.
+- A log repeats the readings of a slower sensor or bus on its faster clock until the next reading comes.  The spectrum
+of
+  this staircase has images of the motion at multiples of the true rate, far above the noise, which are taken for
+  motion. The band of a robot arm read at 100 Hz and logged at 1 kHz ended at 200 Hz, and the viscous friction of its
+  joints was a third of what it is.
+- A program that gets no answer from a bus records a zero, or the end of the range.  A joint cannot jump and come back
+  within a few samples: 11 lost readings of 9321 of a robot arm hid the viscous friction of its waist, and left a third
+  of the torque of other joints.
+- Encoders and ``atan2`` wrap after a turn, and counters where they are full.
 - A servo that is let go after two seconds has an error of a radian afterwards.
 """
 
