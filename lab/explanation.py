@@ -1,20 +1,20 @@
 """Which physical effect is missing: the search, its validation on unseen data, and the significance of the result.
 
-1. The last recording is kept for judging (the last third of a single one's motion); no parameter is fitted to it.
-2. The input of the motion determines which error is compared (``Method``).  A controller's torque follows every
+1.  The last recording is kept for judging (the last third of a single one's motion); no parameter is fitted to it.
+2.  The input of the motion determines which error is compared (``Method``).  A controller's torque follows every
    disturbance: the torque that the measured motion needs is compared with the measured one (inverse model).  A command
    or a force follows none, nor does a free motion: the whole motion is simulated (output error).  Gears with play are
    chaotic: they are simulated on short segments, each with its initial state (multiple shooting), as long as they can
    be predicted.
-3. The model is fitted as it is.  Then every effect of the catalogue is a candidate, fitted together with it from the
+3.  The model is fitted as it is.  Then every effect of the catalogue is a candidate, fitted together with it from the
    initial values of the effect.  For gears a score test and observers select the candidates to fit.
-4. A candidate is named if it predicts unseen samples better, significantly for all candidates (``policy.FALSE_NAME``),
+4.  A candidate is named if it predicts unseen samples better, significantly for all candidates (``policy.FALSE_NAME``),
    if it takes a large enough share of the error, and if its size differs from zero.  Of candidates that explain the
    data equally well the simplest is taken; the others are reported as confusable.  Where none is significant alone,
    pairs are tried.
-5. Step 3 is repeated with that effect in the model until nothing is significant or the time is up; effects that later
+5.  Step 3 is repeated with that effect in the model until nothing is significant or the time is up; effects that later
    ones have made superfluous are eliminated.
-6. The remaining error is compared with the sensors' noise, and described where it is larger.
+6.  The remaining error is compared with the sensors' noise, and described where it is larger.
 
 Steps 3 to 5 are ``lab.selection``, one search and one test for all.  It asks a likelihood for fits and predictions:
 ``lab.inverse`` for motions that can be predicted, ``lab.gears`` for those that cannot.  The thresholds are in

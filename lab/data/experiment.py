@@ -115,8 +115,7 @@ class Experiment:
 
 
 def axis_of(experiments: Sequence[Experiment]) -> tuple[bool, str]:
-    """Whether the axis moves along a line, and the unit of what was recorded in place of its torque, "" for a
-    torque."""
+    """Whether the axis moves along a line, and the unit of what was recorded in place of its torque, or ""."""
     return any(one.is_linear for one in experiments), next((one.drive_unit for one in experiments), "")
 
 
@@ -207,7 +206,7 @@ def _moved(recording: Recording, base: str) -> Recording:
 
 def _without_zeros(recording: Recording, column: str) -> Recording:
     """The recording without an input that is zero throughout, as logs have such a column also where nothing measures
-    it. A gap in it is no gap of the motion."""
+    it.  A gap in it is no gap of the motion."""
     if column == "command" or not _sampled(recording, column) or _readings(recording, column).any():
         return recording
     log.warning("%s: the %s is zero throughout, and taken as not measured", recording.name, column)
@@ -253,8 +252,7 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
 def _input(base: str, recording: Recording, of_motor: bool) -> str:
     """The column that drives the base.  For a joint without a measured torque it is the current of the motor, which is
     a torque up to a factor, or else its voltage, which is one up to a factor and a viscous friction.  A warning reports
-    this, and that a part is taken to move freely though something may drive it.  of_motor: whether it is that
-    voltage."""
+    this, and a part that is taken to move freely though something may drive it.  of_motor: whether it is known."""
     column = INPUT[base]
     if base in NEEDS_INPUT or _sampled(recording, column):
         return column
@@ -303,8 +301,8 @@ def _without_gap(name: str, column: str, time: FloatArray) -> slice:
 
 
 def _check_goal(recording: Recording) -> None:
-    """Raises ExperimentError for a goal that is the angle itself some rows ahead, as some data sets for learning have
-    it. A servo without delay, friction and weight was found in one."""
+    """Raises ExperimentError for a goal that is the angle itself some rows ahead, as in some data sets for learning.  A
+    servo without delay, friction and weight was found in one."""
     goal, position = recording.columns["command"], recording.columns["position"]
     for ahead in range(1, COPIED_ROWS + 1):
         now, then = goal[: goal.size - ahead], position[ahead:]

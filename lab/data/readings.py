@@ -7,7 +7,7 @@ whole recording:
 - A log repeats the readings of a slower sensor or bus on its faster clock until the next reading comes.  The spectrum
 of
   this staircase has images of the motion at multiples of the true rate, far above the noise, which are taken for
-  motion. The band of a robot arm read at 100 Hz and logged at 1 kHz ended at 200 Hz, and the viscous friction of its
+  motion.  The band of a robot arm read at 100 Hz and logged at 1 kHz ended at 200 Hz, and the viscous friction of its
   joints was a third of what it is.
 - A program that gets no answer from a bus records a zero, or the end of the range.  A joint cannot jump and come back
   within a few samples: 11 lost readings of 9321 of a robot arm hid the viscous friction of its waist, and left a third

@@ -53,7 +53,7 @@ FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'"): 1, ("sensor", "theta_2"): 0,
             ("sensor", "omega_2"): 0}  # fmt: skip
 """By equation and variable, the degree of the polynomial that bias, stiffness, damping or length of the base can
-imitate. It is removed from a curve."""
+imitate.  It is removed from a curve."""
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
 
 

@@ -1,12 +1,12 @@
 """The search for missing effects in a model with one moving part: its preparation and its result.
 
-1. Angle and torque are filtered to the band in which the motion exceeds its noise, and the delay between them is
+1.  Angle and torque are filtered to the band in which the motion exceeds its noise, and the delay between them is
 removed
    (channel.py).
-2. The model is fitted by least squares (regression.py).
-3. Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; effects that
+2.  The model is fitted by least squares (regression.py).
+3.  Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; effects that
    have become superfluous are eliminated (selection/forward.py, with the likelihood of likelihood.py).
-4. The errors that are reported are those on the last recording.  No parameter is fitted to it.  It decides between
+4.  The errors that are reported are those on the last recording.  No parameter is fitted to it.  It decides between
    effects that explain the others equally well, and is one more fold where there is only one other recording.
 """
 

@@ -27,7 +27,7 @@ SCAN_S = 0.1
 LAST = 2
 RENEWED, MORE = 4, 2
 """Number of steps that share derivatives, with corrections by secants in between, and number of additional steps for
-it. It takes a third fewer simulations, and of 28 initial states none is 10 % worse (three are 10 % better)."""
+it.  It takes a third fewer simulations, and of 28 initial states none is 10 % worse (three are 10 % better)."""
 
 
 @dataclass(frozen=True)
