@@ -18,7 +18,7 @@ from itertools import compress
 
 import numpy as np
 
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
 from lostmotion.lab.inverse.problem import by_recording
 from lostmotion.lab.inverse.signals import Signals
@@ -161,14 +161,14 @@ class OutputError:
             except ModelError:
                 motion = np.full(experiment.time.size, np.inf)
             left = (measured - motion)[~np.isnan(measured)]
-            has_offset = one.column == "accel" and np.isfinite(left).all()
+            has_offset = one.column == ACCEL and np.isfinite(left).all()
             parts.append(left - left.mean() if has_offset else left)
         return np.concatenate(parts)
 
     @property
     def _step(self) -> dict[str, float]:
         """The argument of ``simulate`` for the integration step.  The step is constant within a fit, as its errors add
-        up. Those of a servo do not, as it follows its command.  Its stiffness changes by orders of magnitude within a
+        up.  Those of a servo do not, as it follows its command.  Its stiffness changes by orders of magnitude within a
         fit, and its step follows the stiffness."""
         if self.prior_centre.base == "servo":
             return {"shortest_s": FINEST * self.substep_s}
@@ -207,10 +207,10 @@ class OutputError:
         return replace(self, substep_s=max(self.substep_s, FINEST * other.substep_s))
 
     def signal_rms(self, model: Model) -> float:
-        """Root mean square of the motion's deviation from its mean [rad or m]."""
-        return float(
-            np.sqrt(np.mean(np.concatenate([one.position - one.position.mean() for one in self.signals]) ** 2))
-        )
+        """Root mean square of the filtered motion's deviation from its mean over whole recordings, also at rest, in the
+        unit of the readings [rad, m or m/s²]."""
+        parts = [one.acceleration if one.column == ACCEL else one.position for one in self.signals]
+        return float(np.sqrt(np.mean(np.concatenate([part - part.mean() for part in parts]) ** 2)))
 
     @property
     def accuracy(self) -> float:
@@ -219,7 +219,8 @@ class OutputError:
 
     @property
     def error_at_rest(self) -> float:
-        """Root mean square of the readings' deviation from their mean [rad, m or m/s²]."""
+        """The error of a model at rest: root mean square of the deviation of the compared readings from their mean
+        [rad, m or m/s²]."""
         readings = [one.experiment.measured[one.column] for one in self.signals]
         return float(np.sqrt(np.nanmean(np.concatenate([each - np.nanmean(each) for each in readings]) ** 2)))
 
