@@ -130,7 +130,8 @@ def _example(series: Sequence[Series], clock: str, swings: str) -> str:
     names = [one.name for one in series if not is_time(one.name) and one.name != clock]
     if not clock and len(names) == len(series) > 1:
         return f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"
-    first, *rest = sorted(names, key=is_input) or ["SERIES"]
+    has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
+    first, *rest = sorted(names, key=lambda one: (is_input(one), has_input and one != "y")) or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped(column, first)
     unit = "" if unit_of(first, "position") else ":deg"

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.guess import MOTIONS
 from lostmotion.drivers.formats.source import MOST_SERIES, MOST_VALUES, Series, check_count, too_many
 from lostmotion.drivers.formats.table import Table
+from lostmotion.drivers.formats.words import column_of
 
 __all__ = ["MOST_BYTES", "check_size", "table_of"]
 
@@ -25,13 +27,15 @@ def check_size(name: str, size: int) -> None:
 
 
 def table_of(name: str, kind: str, vectors: Mapping[str, NDArray[np.generic]], advice: str) -> Table:
-    """The vectors of the length that most have; advice: where there is none.  Raises RecordingError."""
+    """The vectors of one length: of those that several have, or else of all, the largest that a motion has by its name,
+    or else the largest.  advice: where there is none.  Raises RecordingError."""
     if not vectors:
         raise RecordingError(f"{name}: found no vectors of numbers, expected signals; {advice}")
     if len(vectors) > MOST_SERIES:
         raise too_many(name, len(vectors), "vectors")
     lengths = [vector.size for vector in vectors.values()]
-    usual = max(set(lengths), key=lambda length: (lengths.count(length) > 1, length))
+    moving = {vector.size for title, vector in vectors.items() if column_of(title) in MOTIONS}
+    usual = max(set(lengths), key=lambda length: (lengths.count(length) > 1, length in moving, length))
     check_count(name, usual)
     series = [Series(title) for title, vector in vectors.items() if vector.size == usual]
     others = len(vectors) - len(series)

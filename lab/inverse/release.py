@@ -27,7 +27,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import coasts, is_driven
+from lostmotion.lab.fitting.identifiability import coasts, is_driven, is_onward
 from lostmotion.lab.inverse.signals import (
     EDGE,
     FASTEST,
@@ -108,16 +108,19 @@ def _free_part(signals: Signals) -> _FreePart:
     The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band (of
     six simulated arms, each dropped three times in 6 s, none was right with the whole rest, and all are without).  It
     ends with the motion where something acts again afterwards.
+
+    Raises ExperimentError for a part that gains speed all the same, as a motor's shaft does.
     """
     motion, time = _LocalMotion.of(signals), signals.time
     free, width, release, acts_again = motion.free, motion.width, 0, False
     if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
         release, acts_again = _by_acceleration(signals, motion)
-    elif motion.coasts and _gains_speed(signals.position[motion.whole]):
-        raise _driven_error(signals)
     begins, ends = motion.whole.start, motion.whole.stop
     if begins > TURNING * motion.period:
         release = max(release, begins + (motion.period // 2 if signals.column == ACCEL else 0))
+    is_angle = signals.column == "position" and not signals.experiment.is_linear
+    if is_angle and _gains_speed(signals.position[max(begins, release) : ends]):
+        raise _driven_error(signals)
     end = free.stop - 1 if acts_again else 2 * ends - begins
     return _FreePart(
         float(time[release]) if release else -math.inf, float(time[end]) if end < time.size else math.inf, acts_again
@@ -138,10 +141,11 @@ def _by_acceleration(signals: Signals, motion: _LocalMotion) -> tuple[int, bool]
 
 
 def _gains_speed(angle: FloatArray) -> bool:
-    """Whether a shaft with these angles (N,) turns farther in the second half of the time than in the first, beyond
-    noise."""
+    """Whether a part with these angles (N,) turns more than once, in one direction, and farther in the second half of
+    the time than in the first, beyond noise.  A weight or a spring turns a part on by a turn at most before it slows
+    down."""
     first, second = np.abs(np.diff(angle[[0, angle.size // 2, -1]]))
-    return bool(first < TOP * second)
+    return bool(np.ptp(angle) > 2 * np.pi and is_onward(angle) and first < TOP * second)
 
 
 def _driven_error(signals: Signals) -> ExperimentError:

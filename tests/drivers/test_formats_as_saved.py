@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
+import scipy.io
 import xlwt
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -61,6 +62,17 @@ def test_the_advice_takes_the_input_for_what_drives(tmp_path: Path) -> None:
     path = tmp_path / "prbs.csv"
     path.write_text("t,u,y\n" + rows(T, np.sign(SWING), SWING, sign=","))
     assert "--map position=y:deg, and a torque --map torque=u " in refused(path)
+    path.write_text("t,r,y,u\n" + rows(T, np.sign(SWING), SWING, -SWING, sign=","))
+    assert "--map position=y:deg, and a torque --map torque=u " in refused(path)
+
+
+def test_of_vectors_of_several_lengths_those_with_the_motion_are_used(tmp_path: Path) -> None:
+    """A run that was stopped early: inputs that were computed ahead, and the times of the whole of it, are longer."""
+    ahead = np.append(SWING, [0.0, 0.0])
+    scipy.io.savemat(tmp_path / "x.mat", {"input": ahead, "inputDig": ahead, "arm": SWING, "theta": SWING, "t": T[:40]})
+    found = read(tmp_path / "x.mat", rate_hz=30)
+    np.testing.assert_allclose(found.recording.columns["position"], SWING)
+    assert "3 vectors that do not have 300 values are left out" in found.notes
 
 
 def test_the_only_series_is_the_motion_and_the_time_may_come_second(tmp_path: Path) -> None:

@@ -116,6 +116,20 @@ def test_a_shaft_that_gains_speed_is_driven(gained: float, is_refused: bool) -> 
         released([shaft])
 
 
+@pytest.mark.parametrize(("turns", "is_refused"), [(1.6, True), (0.9, False)])
+def test_a_motor_that_runs_up_over_a_turn_and_a_half_is_driven(turns: float, is_refused: bool) -> None:
+    """That is too little for a shaft that coasts, and too much for a weight or a spring; by less than a turn a part may
+    fall."""
+    late = np.maximum(TIMES - 1.0, 0.0)
+    ran = late - 3.0 * (1 - np.exp(-late / 3.0))
+    motor = measured(2 * np.pi * turns * ran / ran[-1])
+    if not is_refused:
+        assert released([motor])
+        return
+    with pytest.raises(ExperimentError, match=r"found 1\.6 turns that gain speed, and nothing that drives them"):
+        released([motor])
+
+
 @pytest.mark.slow
 def test_an_arm_that_is_dropped_and_hangs_still(tmp_path: Path) -> None:
     """Of six seconds it moves for one, after a hand held it: both frictions are found, right to 3 %.  The noise of the
