@@ -251,6 +251,15 @@ def test_a_bar_that_rings_down_in_oil(tmp_path: Path) -> None:
     assert answer["parameters"]["quadratic_damping.b2"][0] == pytest.approx(DRAG * 0.02, rel=0.15)
 
 
+def test_errors_of_an_accelerometer_are_compared_with_an_acceleration() -> None:
+    """Errors and the signal that they are a share of have one unit: m/s² of a bar whose deflection is 1e5 times
+    smaller."""
+    model = build_model("oscillator", values={"m": 0.02, "k": 0.02 * (2 * math.pi * 58.0) ** 2})
+    (bar,) = experiments(model, [ringing_bar(1)])
+    data = OutputError.of([Signals.of(bar)], model)
+    assert data.signal_rms(model) == pytest.approx(data.error_at_rest, rel=0.05)
+
+
 def test_the_voltage_of_the_motor_tells_the_gain() -> None:
     """Gain, the end of the duty, or the supply; nothing where the file frees them or nothing was recorded."""
     model = build_model("servo", values={"U": SUPPLY})
