@@ -1,4 +1,4 @@
-"""Estimates the free parameters of a model from recordings, by the error that suits its input."""
+"""The fit of a model to recordings, by the error that suits its input: ``lab fit``, and ``fit`` of the notebook."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ __all__ = ["fit"]
 def fit(
     model: Model, experiments: Sequence[Experiment], pool: Executor, progress: Progress = lambda what, part: None
 ) -> Fit:
-    """The model with its free parameters fitted to all the experiments together.
+    """Fits the free parameters of a model to all experiments together.
 
-    progress: called with what is being done and the part that is done, 0 to 1.  Ctrl-C (KeyboardInterrupt) during the
-    last refinement of gears leaves the best so far, with ``complete`` False.
+    progress: called with what is being done and the share that is done, 0 to 1.  After Ctrl-C (KeyboardInterrupt) in
+    the refinement of gears the best fit so far is returned, with ``complete`` False.  Raises ModelError where the model
+    cannot be simulated, and ExperimentError where the recordings do not go together.
     """
     method = method_of(model, experiments)
     if method is None:

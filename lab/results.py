@@ -309,7 +309,7 @@ class Ladder(Displayed):
 
 
 def _number(value: float) -> float | None:
-    """None for NaN and infinity, which JSON cannot represent."""
+    """The value; None for NaN and infinity, which JSON cannot represent."""
     return float(value) if np.isfinite(value) else None
 
 
