@@ -25,12 +25,12 @@ SPOT = "tight_spot.tau_t = 0.6\ntight_spot.where = 0.1\ntight_spot.width = 0.06\
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A servo with a tight spot, recorded for four seconds, a model that does not know of it, and the effect."""
+    """A servo with a tight spot, recorded for 2.5 s, a model that does not know of it, and the effect."""
     folder = tmp_path_factory.mktemp("tight")
     (folder / "tight_spot.py").write_text((ROOT / "examples" / "tight_spot_effect.py").read_text())
     (folder / "model.toml").write_text(MODEL)
     (folder / "true.toml").write_text(MODEL.replace('effects = ["viscous_friction"]', TIGHT) + SPOT)
-    call("simulate", folder / "true.toml", "-o", folder / "rec.csv", "--motion", "hand-waved:1", "--duration", 4,
+    call("simulate", folder / "true.toml", "-o", folder / "rec.csv", "--motion", "hand-waved:1", "--duration", 2.5,
          "--rate-hz", 100, "--noise", 0.0005)  # fmt: skip
     return folder
 
@@ -60,7 +60,7 @@ def test_curves_are_what_was_compared(folder: Path) -> None:
     assert (curve["column"], curve["what"], curve["unit"], curve["before"]) == ("position", "angle", "rad", None)
     left = np.array(curve["measured"]) - np.array(curve["modelled"])
     assert np.sqrt(np.mean(left**2)) == pytest.approx(found["columns"]["position"]["rms"], rel=1e-3)
-    assert len(curve["time"]) == left.size == 400
+    assert len(curve["time"]) == left.size == 250
     assert curve["noise"] == pytest.approx(0.0005, rel=0.3)
     assert found["words"][0].startswith("The error in angle is ")
     assert found["variables"]["omega_2"] == "the joint's speed"

@@ -16,13 +16,13 @@ from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
 from tests.lab.inverse.test_inverse import explained
 
-RATE, LENGTH = 50.0, 30.0
+RATE, LENGTH = 50.0, 25.0
 LOST = (40, 333, 700, 701, 702, 704, 1210)
 
 
 def arm(seed: int, lost: tuple[int, ...] = LOST) -> Recording:
     """An arm of 0.05 kg m² with a weight of 0.5 N m and dry friction of 0.2 N m, moved by five sines of torque for
-    30 s; a 12-bit encoder, whose lost readings are those of the count zero."""
+    25 s; a 12-bit encoder, whose lost readings are those of the count zero."""
     rng = np.random.default_rng(seed)
     size, hz, phase = rng.uniform(0.1, 0.25, 5), rng.uniform(0.1, 1.2, 5), rng.uniform(0, 2 * np.pi, 5)
 
@@ -43,8 +43,8 @@ def test_lost_readings_are_told_and_left_out(caplog: pytest.LogCaptureFixture) -
     """Single ones, three in a row, and one beside them; one line says how many."""
     with caplog.at_level(logging.WARNING, "lostmotion"):
         held = experiments(build_model("joint"), [arm(1)])[0]
-    assert "7 of 1500 readings of position jump away" in caplog.text
-    assert held.time.size == 1500 - len(LOST)
+    assert "7 of 1250 readings of position jump away" in caplog.text
+    assert held.time.size == 1250 - len(LOST)
     assert np.abs(held.measured["position"]).max() < 3
     assert not set(np.arange(0.0, LENGTH, 1 / RATE)[list(LOST)]) & set(held.time)
 
@@ -77,7 +77,7 @@ def test_what_a_joint_does_stays(angle: FloatArray) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("seeds", "lost"), [((1, 2), ()), ((3, 4), LOST)], ids=["all", "lost"])
 def test_the_physics_of_an_arm_is_found(seeds: tuple[int, ...], lost: tuple[int, ...], tmp_path: Path) -> None:
-    """Its weight and its dry friction, also with seven readings lost of each 1500.  It sticks at its reversals, which
+    """Its weight and its dry friction, also with seven readings lost of each 1250.  It sticks at its reversals, which
     the filter blurs: that is no Stribeck friction."""
     found = explained(tmp_path, 'base = "joint"\n', [arm(seed, lost) for seed in seeds])
     assert set(found["missing"][:2]) == {"gravity_torque", "coulomb_friction"}

@@ -31,17 +31,17 @@ def finding(model: Model, recordings: list[Recording]) -> Finding | None:
         return described(first_fit(model, task, pool), task)
 
 
-def gears(seed: int, **hidden: float) -> Recording:
+def gears(seed: int, length: float = LENGTH, **hidden: float) -> Recording:
     """The accelerometer of gears with something hidden, a hum among it."""
-    run = moved(seed, LENGTH, **hidden)
+    run = moved(seed, length, **hidden)
     hum = hidden.get("hum.a", 0.0) * np.sin(2 * np.pi * hidden.get("hum.f", 0.0) * run.time + seed)
     return run.recording(run.accel + hum + NOISE * run.noise, f"rec{seed}.csv")
 
 
-def heard(**hidden: float) -> Finding:
+def heard(length: float = LENGTH, **hidden: float) -> Finding:
     """What is told of two recordings of such gears."""
     rough = build_model("play", values={"d": 9e-5, "alpha": 3000.0, "b": 0.2, "k": 2500.0})
-    found = finding(rough, [gears(31, **hidden), gears(32, **hidden)])
+    found = finding(rough, [gears(seed, length, **hidden) for seed in (31, 32)])
     assert found is not None
     return found
 
@@ -49,7 +49,7 @@ def heard(**hidden: float) -> Finding:
 @pytest.mark.slow
 def test_a_spring_that_is_softer_on_one_side() -> None:
     """A force on the bar that follows its deflection, about as its square."""
-    found = heard(**{"quadratic_spring.k2": 0.25 * 2600.0 / 0.25e-3})
+    found = heard(0.4, **{"quadratic_spring.k2": 0.25 * 2600.0 / 0.25e-3})
     assert (found.acts_on, found.depends_on) == ("oscillator", ("q",))
     assert found.formula is not None
     assert found.formula.endswith("q²")

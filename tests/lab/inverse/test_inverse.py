@@ -484,7 +484,7 @@ def test_a_joint_that_mostly_rests() -> None:
     recordings = []
     for seed in (1, 2):
         rng = np.random.default_rng(seed)
-        times = np.arange(0.0, 60.0, 0.01)
+        times = np.arange(0.0, 40.0, 0.01)
         lively = (times % 20) < 6  # 6 of 20 s
         speed = gaussian_filter1d(0.3 * np.sign(np.sin(2 * np.pi * times / rng.uniform(1.5, 2.5))) * lively, 8)
         angle = np.cumsum(speed) * 0.01

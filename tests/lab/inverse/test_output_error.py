@@ -174,7 +174,7 @@ def test_friction_of_a_servo_under_control(tmp_path: Path, sees: str) -> None:
 def test_units_change_nothing_of_a_servo(tmp_path: Path) -> None:
     """With torques a hundredth as large, a winding that lets the same voltage make them, and times ten times as long,
     the name, its share and the errors over the noise are the same."""
-    one, found = servo(1), []
+    one, found = servo(1, length=2.5), []
     for size, slower in ((1.0, 1.0), (0.01, 10.0)):
         values = {
             "J": 0.04 * size * slower**2,
