@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from lostmotion.daemon.commands import output, times
-from lostmotion.daemon.commands.reasons import present_reason
+from lostmotion.daemon.commands.reasons import others, present_reason
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Origin, ScoreRow, Severity, iso
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, ScoreRow, Severity, iso
 from lostmotion.web.site import Site
 
 __all__ = ["Alarm", "Card", "Cards", "Trouble", "cards", "micrometres", "radii"]
@@ -84,7 +84,7 @@ def cards(site: Site, reader: Reader) -> Cards:
     joints = tuple(
         _card(
             row.name, row.health.value, present_reason(reader, row, _of(row.name, living), windows),
-            reader.last_window(row.name), gears.get(row.name, math.nan), now, _others(row.name, origins),
+            reader.last_window(row.name), gears.get(row.name, math.nan), now, others(row.name, origins),
         )
         for row in reader.joints()
     )  # fmt: skip
@@ -107,13 +107,8 @@ def _of(joint: str, alarms: list[AlarmRow]) -> list[AlarmRow]:
     return [alarm for alarm in alarms if alarm.joint == joint]
 
 
-def _others(joint: str, origins: list[Origin]) -> str:
-    """Whose play the impacts in a joint's windows are, "" where they may be its own."""
-    return next((str(one) for one in origins if joint in one.probabilities and one.spares(joint)), "")
-
-
 def _card(
-    joint: str, health: str, reason: str, last: ScoreRow | None, radius_m: float, now: datetime, others: str
+    joint: str, health: str, reason: str, last: ScoreRow | None, radius_m: float, now: datetime, whose: str
 ) -> Card:
     if last is None:
         return Card(joint, health, reason, "–", "–", 0.0, False, "–", "–", "no window yet", "")
@@ -121,7 +116,7 @@ def _card(
     return Card(
         joint,
         health,
-        reason or ("no impact detected" if not last.impact else _impact(others)),
+        reason or ("no impact detected" if not last.impact else _impact(whose)),
         output.number(last.score) if math.isfinite(last.score) else "–",
         f"{last.level:.4g}",
         min(max(ratio, 0.0), FULL_SCALE) / FULL_SCALE,
@@ -133,8 +128,8 @@ def _card(
     )
 
 
-def _impact(others: str) -> str:
-    return f"impact at the last reversal, {others}" if others else "impact at the last reversal"
+def _impact(whose: str) -> str:
+    return f"impact at the last reversal, {whose}" if whose else "impact at the last reversal"
 
 
 def _alarm(row: AlarmRow, now: datetime) -> Alarm:

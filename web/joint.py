@@ -13,6 +13,7 @@ from starlette.routing import Route
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import times
+from lostmotion.daemon.commands.reasons import others
 from lostmotion.daemon.commands.trend import RADIANS, document, history_of, words
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.extremes import EXTREMES
@@ -82,7 +83,7 @@ def trend(request: Request) -> Response:
     numbers and in words."""
     site, name = site_of(request), request.path_params["joint"]
     with _open(site, name) as reader:
-        columns = reader.series(name, most=MOST)
+        columns, whose = reader.series(name, most=MOST), others(name, reader.origins())
     history = history_of(name, columns, site.config_file, None, None, RADIANS)
     line = history.wear.slope
     shown = history_of(name, columns, site.config_file, None, None)
@@ -90,7 +91,7 @@ def trend(request: Request) -> Response:
         document(history)
         | {
             "line": {"start": history.start.timestamp(), "slope": line.slope, "intercept": line.intercept},
-            "words": words(shown, radii(site).get(name, math.nan)),
+            "words": words(shown, radii(site).get(name, math.nan), whose),
         }
     )
 

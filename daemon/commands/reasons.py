@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from lostmotion.daemon.evidence import Evidence
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, Cause, JointRow
+from lostmotion.daemon.records import AlarmRow, Cause, JointRow, Origin
 
-__all__ = ["present_reason"]
+__all__ = ["others", "present_reason"]
+
+
+def others(joint: str, origins: Sequence[Origin]) -> str:
+    """Whose play the impacts in a joint's windows are, "" where they may be its own."""
+    return next((str(one) for one in origins if joint in one.probabilities and one.spares(joint)), "")
 
 
 def present_reason(reader: Reader, joint: JointRow, alarms: Sequence[AlarmRow], windows: int = 0) -> str:

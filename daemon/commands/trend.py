@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lostmotion.daemon.commands import output, times
+from lostmotion.daemon.commands.reasons import others
 from lostmotion.daemon.commands.where import find_config, open_joint
 from lostmotion.daemon.records import from_micros, iso
 from lostmotion.daemon.rollup import Series
@@ -118,7 +119,7 @@ def trend(
     if png and png.suffix.lower() not in PICTURES:
         raise TrendError(f"--png: found the name {str(png)!r}, expected one that ends with {', '.join(PICTURES)}")
     with open_joint(joint, config, database) as reader:
-        series = reader.series(joint, *bounds, most=MOST)
+        series, whose = reader.series(joint, *bounds, most=MOST), others(joint, reader.origins())
     history = history_of(joint, series, config, asked, level)
     of = history.of
     if png:
@@ -135,7 +136,8 @@ def trend(
         [] if asked or of == "severity" else ["too few of these scores have a severity: the trend is that of scores"]
     )
     is_ours = config is not None or database is None  # else the robot of the database is unknown
-    lines = [f"{name:15}{text}" for name, text in words(history, _radius(config, joint) if is_ours else math.nan)]
+    radius_m = _radius(config, joint) if is_ours else math.nan
+    lines = [f"{name:15}{text}" for name, text in words(history, radius_m, whose)]
     output.print_lines([*notes, _heading(history), *lines, "", plot(history), *([f"picture: {png}"] if png else [])])
 
 
@@ -223,14 +225,16 @@ def _per_month(slope: Slope) -> dict[str, float]:
     return {"per_month": slope.slope * MONTH, "low": slope.low * MONTH, "high": slope.high * MONTH}
 
 
-def words(history: History, radius_m: float = math.nan) -> list[tuple[str, str]]:
+def words(history: History, radius_m: float, whose: str) -> list[tuple[str, str]]:
     """The trend as people read it, in the terminal and on the page: a name and a text for each of its lines.
 
-    radius_m: that of the joint's gear, NaN where it is unknown; the history is in arc-minutes.
+    radius_m: that of the joint's gear, NaN where it is unknown; the history is in arc-minutes.  whose: ``others`` of
+    the joint.
     """
     wear = history.wear
     found = f"{wear.trend.direction} (p = {wear.trend.p_value:.2g})" if wear.trend.direction != "none" else "none found"
     lines = [
+        *([("impacts", f"{whose}: this trend is not the wear of {history.joint}")] if whose else []),
         *_laws(history.laws),
         ("trend", f"{found}, Mann-Kendall tau {wear.trend.tau:+.2f}"),
         ("slope", _slope(wear.slope, history)),

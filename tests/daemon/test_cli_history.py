@@ -19,7 +19,7 @@ from pyarrow import parquet
 
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.times import TimeError, ago, parse, span
-from lostmotion.daemon.records import ScoreRow
+from lostmotion.daemon.records import Origin, Origins, ScoreRow
 from lostmotion.daemon.store import Store
 from tests.daemon.cli_world import HARDWARE, SIMULATED, START, call, fill, is_one_line
 
@@ -316,6 +316,16 @@ def test_a_limit_that_nobody_can_foresee(tmp_path: Path, days: float, growth: fl
     assert not re.search("^forecast", text, re.MULTILINE)
     trend = document("trend", "elbow", "--database", tmp_path / "h.db")
     assert (trend["time_to_limit"], trend["forecast"], trend["no_forecast"]) == (None, None, told)
+
+
+def test_the_trend_of_the_impacts_of_another_joint_is_told(tmp_path: Path) -> None:
+    """Where the impacts are most probably of the elbow the trend of the shoulder says so, and that of the elbow not."""
+    fill(tmp_path / "h.db", 50)
+    with closing(Store(tmp_path / "h.db", "arm1")) as store:
+        store.add(Origins((Origin({"elbow": 0.99, "shoulder": 0.01}, 100),)))
+    told = "impacts        most probably of elbow (99%): this trend is not the wear of shoulder\n"
+    assert told in call("trend", "shoulder", "--database", tmp_path / "h.db").stdout
+    assert "impacts" not in call("trend", "elbow", "--database", tmp_path / "h.db").stdout
 
 
 def test_trend_is_freed_of_warmth(warm: Path) -> None:
