@@ -255,7 +255,6 @@ def _bins(count: int) -> FloatArray:
     return np.asarray((np.arange(count) + 0.5) * (2 / count) - 1, np.float64)
 
 
-@lru_cache(maxsize=8)
 def _orthonormal(bins: int, degree: int) -> FloatArray:
     """Orthonormal polynomials in the middles of bins, shape (bins, degree + 1)."""
     return np.asarray(legendre.scaled_values(_bins(bins), degree) / math.sqrt(2))
