@@ -200,6 +200,7 @@ def compare(
     experiments = released(experiments) if method else experiments
     if method is Method.TORQUE:
         channel = Channel.of(experiments)
+        channel.warn(experiments[0].name)
         predictions, floor_nm, left = needed_torques(model, experiments, channel)
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)

@@ -47,8 +47,8 @@ class Channel:
 
     @classmethod
     def of(cls, experiments: Sequence[Experiment]) -> Channel:
-        """The channel of recordings with a measured torque.  A delay and a reversed sign are reported in warnings.
-        Raises ExperimentError for a torque that any friction or constant explains.
+        """The channel of recordings with a measured torque.  Raises ExperimentError for a torque that any
+        friction or constant explains.
 
         The band is the widest one that identifies the inertia nearly as well as the best one does, each with its own
         delay.  Motion that the torque does not cause (of a vibrating arm or a belt) has far larger accelerations than
@@ -68,9 +68,7 @@ class Channel:
         ]
         least = min(deviation for _, deviation in clear)
         is_identified = least < policy.INERTIA_IDENTIFIED
-        channel = next(one for one, sd in clear if not is_identified or sd <= policy.BAND_AS_WELL * least)
-        channel._warn(experiments[0].name)
-        return channel
+        return next(one for one, sd in clear if not is_identified or sd <= policy.BAND_AS_WELL * least)
 
     @classmethod
     def _of_band(cls, experiments: Sequence[Experiment], end_hz: float) -> tuple[Channel, _JointFit | None]:
@@ -82,7 +80,7 @@ class Channel:
         delay_s, fit = _delayed(replace(usual, sign=-1.0) if is_reversed else usual)
         return cls(end_hz, delay_s, is_reversed), fit
 
-    def _warn(self, name: str) -> None:
+    def warn(self, name: str) -> None:
         """Reports a reversed sign and a delay; name: of a recording."""
         if self.is_reversed:
             log.warning(

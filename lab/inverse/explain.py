@@ -36,17 +36,17 @@ from lostmotion.lab.inverse.likelihood import (
     WholeMotion,
     error_on,
     fit_on,
-    is_disturbed,
     is_noise,
 )
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
+from lostmotion.lab.inverse.search import searched
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
 from lostmotion.lab.selection.evidence import Candidate
-from lostmotion.lab.selection.forward import Selection, Step, selected
+from lostmotion.lab.selection.forward import Selection, Step
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError, build_model
@@ -97,25 +97,17 @@ def explained(
     progress("fitting what is there", 0.0)
     model, held = with_scale(model, train)
     rough = from_spectra(model, train)
-    is_force = model.base != "servo"
-    channel = Channel.of(train) if method is Method.TORQUE else Channel()
-    signals = [channel.signals(one, is_force) for one in train]
-    unseen = channel.signals(last, is_force)
-    search = WholeMotion(method, rough, signals, unseen, len(train) < policy.ENOUGH_RECORDINGS, pool)
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
-            selection = selected(search, progress)
-            if is_disturbed(selection.fits[-1].inverse):
-                *wide, also = (channel.signals(one, is_disturbed=True) for one in (*train, last))
-                white = replace(search, signals=wide, unseen=also, is_whitened=True)
-                selection = selected(white, progress, selection)
+            found = searched(rough, train, last, method, pool, progress)
         progress("judging", 0.9)
-        _warn_of_motor_constant(model, selection.fits[-1].model, train[0].name)
-        found = _explanation(selection, model, train, unseen, method, noise, pool)
+        found.channel.warn(train[0].name)
+        _warn_of_motor_constant(model, found.best.model, train[0].name)
+        told = _explanation(found.selection, model, train, found.unseen, method, noise, pool)
     fit_on.cache_clear()
     progress("done", 1.0)
-    base, best = (channel.annotated(fit) for fit in (found.base, found.best))
-    return replace(found, held=held, base=base, best=best)
+    base, best = (found.channel.annotated(fit) for fit in (told.base, told.best))
+    return replace(told, held=held, base=base, best=best)
 
 
 def _warn_of_motor_constant(rough: Model, fitted: Model, name: str) -> None:
@@ -203,6 +195,7 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     column.  Raises ModelError where the model cannot be run."""
     model, held = with_scale(model, experiments)
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
+    channel.warn(experiments[0].name)
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
     fit = WholeMotion(method, from_spectra(model, experiments), signals).first().judged
     column = "torque" if method is Method.TORQUE else signals[0].column

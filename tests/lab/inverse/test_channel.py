@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 import pytest
+from bench.driven_motions import Case
 from scipy.integrate import solve_ivp
 
+from lostmotion.lab import experiments, explain, open_executor
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.inverse import channel
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
+from lostmotion.lab.results import Explanation
 from lostmotion.model import Sampled, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -60,7 +64,9 @@ def found(late_s: float) -> dict[str, float]:
 def test_a_delay_is_found_and_removed(late_s: float, caplog: pytest.LogCaptureFixture) -> None:
     """The delay is right within 0.5 ms and reported once, and inertia and friction are right within 2 %."""
     with caplog.at_level(logging.WARNING):
-        delay_s = Channel.of([chirp(seed, late_s) for seed in range(3)]).delay_s
+        found_in = Channel.of([chirp(seed, late_s) for seed in range(3)])
+        found_in.warn("chirp0.csv")
+    delay_s = found_in.delay_s
     assert delay_s == pytest.approx(-late_s, abs=5e-4)
     assert f"acts {1e3 * abs(delay_s):.2g} ms {'later' if delay_s > 0 else 'earlier'} than" in caplog.text
     values = found(late_s)
@@ -82,6 +88,27 @@ def test_no_delay_where_there_is_none() -> None:
     sine = Sampled(times, B * np.cos(2 * np.pi * (times - 0.01)) + 1e-3 * rng.standard_normal(times.size))
     position = np.sin(2 * np.pi * times) / (2 * np.pi) + 1e-5 * rng.standard_normal(times.size)
     assert Channel.of([Experiment("sine.csv", sine, times, {"position": position})]).delay_s == 0.0
+
+
+def explained(recorded: Sequence[Experiment]) -> Explanation:
+    """What a bare joint lacks."""
+    with open_executor("threads:1") as pool:
+        return explain(build_model("joint"), recorded, pool, budget_s=100.0)
+
+
+@pytest.mark.slow
+def test_a_ripple_is_not_taken_for_a_delay(caplog: pytest.LogCaptureFixture) -> None:
+    """A ripple of ten a turn looks like a delay of 20 ms as long as it is not in the model: the search without the
+    delay, which leaves the noise, is the one that counts.  A delay that is there is kept."""
+    rippled = experiments(build_model("joint"), Case("joint", "torque_ripple", 2001).recordings())
+    assert Channel.of(rippled[:-1]).delay_s == pytest.approx(0.02, abs=1e-3)
+    found = explained(rippled)
+    assert (found.missing, found.complete, found.best.delay_s) == (("torque_ripple",), True, 0.0)
+    assert "this delay is removed" not in caplog.text
+    late = explained([chirp(seed, 0.01) for seed in range(3)])
+    assert late.missing == ("viscous_friction",)
+    assert late.best.delay_s == pytest.approx(-0.01, abs=5e-4)
+    assert "acts 10 ms earlier than" in caplog.text
 
 
 @pytest.mark.parametrize("is_magnitude", [True, False])
