@@ -204,7 +204,7 @@ def motion(monkeypatch: pytest.MonkeyPatch) -> Motion:
     weak = {name: faint(MODEL, name, size)[:1] for name in found.effects}
     monkeypatch.setattr(score_test, "scales_of", lambda *rest: size)
     monkeypatch.setattr(score_test, "faint", lambda model, effect, *rest: weak.get(effect, []))
-    monkeypatch.setattr(score_test, "followed", lambda level, *rest: segments)
+    monkeypatch.setattr(score_test, "followed_segments", lambda level, *rest: segments)
     return found
 
 
