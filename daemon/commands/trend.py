@@ -299,14 +299,15 @@ def _forecast_lines(wear: WearTrend) -> list[tuple[str, str]]:
 
 
 def _left(wear: WearTrend) -> str:
-    left = wear.time_to_limit
+    """When the limit is reached by the slope since the last change, or by that of the whole history without one."""
+    left, never = wear.time_to_limit, f"not reached at {'the slope since then' if wear.change_points else 'this slope'}"
     if wear.no_forecast:
         return f"no forecast: {wear.no_forecast}"
     if left is None:
-        return "not reached at this slope"
+        return never
     if left.likely == 0:
         return "reached"
-    return _reached(left, "95 %", "not reached at this slope")
+    return _reached(left, "95 %", never)
 
 
 def _reached(left: TimeToLimit, sure: str, never: str) -> str:

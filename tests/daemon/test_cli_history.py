@@ -318,6 +318,18 @@ def test_a_limit_that_nobody_can_foresee(tmp_path: Path, days: float, growth: fl
     assert (trend["time_to_limit"], trend["forecast"], trend["no_forecast"]) == (None, None, told)
 
 
+def test_a_limit_is_foreseen_by_the_slope_since_the_last_change(tmp_path: Path) -> None:
+    """A rise of 200 days that has stopped: the history rises, and the limit is not reached at the slope since then."""
+    store = Store(tmp_path / "h.db", "arm1")
+    for k, noise in enumerate(1e-5 * np.random.default_rng(2).standard_normal(300)):
+        severity = 1e-3 + 1e-5 * min(k, 200) - 1e-6 * max(k - 200, 0) + noise
+        store.add(ScoreRow("elbow", START + timedelta(days=k), 0.25, 50.0, 8.0, True, severity=severity))
+    store.close()
+    text = call("trend", "elbow", "--database", tmp_path / "h.db").stdout
+    assert re.search("^trend +rising", text, re.MULTILINE)
+    assert re.search("^limit +not reached at the slope since then", text, re.MULTILINE)
+
+
 def test_the_trend_of_the_impacts_of_another_joint_is_told(tmp_path: Path) -> None:
     """Where the impacts are most probably of the elbow the trend of the shoulder says so, and that of the elbow not."""
     fill(tmp_path / "h.db", 50)
