@@ -198,15 +198,10 @@ class ShortSegments:
         trials = self._longer(full_fits([("", fit.model), *swapped], self.task, self.pool))
         others = [one for _, one in self._validated(trials, fit, Scores()).fits]
         best = min([fit, *others], key=lambda one: one.rms)
-        alike = [one for one in [fit, *others] if not self._is_better(best, one, len(others))]
+        alike = [one for one in [fit, *others] if not self.predictions(one, best).is_better(len(others))]
         kept = fit if fit in alike else best
         pairs = (_exchanged(kept.model, one.model) for one in alike)
         return replace(kept, alike=tuple(pair for pair in pairs if pair))
-
-    def _is_better(self, one: SegmentFit, other: SegmentFit, tried: int) -> bool:
-        """Whether one fit predicts better than another, significantly for so many that were tried."""
-        predictions = self.predictions(other, one)
-        return predictions.gain > policy.LEAST_GAIN and tried * predictions.p_value < policy.FALSE_NAME
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
         """The fit of the model without one of its effects, from the initial states of the fit with it.  It is grown to

@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.blocks import chance, numbered
+from lostmotion.lab.data.blocks import numbered
 from lostmotion.lab.data.experiment import FLAT_SHARE, Experiment
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import is_onward
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
 from lostmotion.lab.results import Fit
+from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.model import Sampled
 from lostmotion.model.motion import FloatArray
 
@@ -248,14 +249,13 @@ def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
     at = int(np.argmin(errors))
     best = fits[at]
     block = numbered([now.residual.size], now.residual.size / BLOCKS)
-    is_worth = errors[at] < (1 - policy.LEAST_GAIN) * now.error
-    is_significant = chance(now.residual**2, best.residual**2, block) < policy.FALSE_NAME
+    is_better = Predictions(now.residual**2, best.residual**2, block).is_better()
     is_inertia = (
         best.inertia > 0
         and now.inertia > 0
         and max(best.relative_deviation, now.relative_deviation) < policy.INERTIA_IDENTIFIED
     )
-    if at in (0, DELAYS - 1) or not (is_worth and is_inertia and is_significant):
+    if at in (0, DELAYS - 1) or not (is_better and is_inertia):
         return 0.0, now
     left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum
     return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right)), best

@@ -7,13 +7,13 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.blocks import chance
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import Progress, is_over
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion, is_disturbed
 from lostmotion.lab.inverse.regression import Regression, blocks_of
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.model import Model
 
@@ -67,6 +67,4 @@ def _predicts_better(one: Regression, other: Regression) -> bool:
     """Whether the cross-validated errors of a fit are less than those of another one, by as much and as significantly
     as an effect has to reduce them.  With two effects and a delay of 3.5 ms a motor was predicted as well as with three
     effects and none (p = 0.1)."""
-    after, before = one.predicted**2, other.predicted**2
-    is_worth = after.mean() < (1 - policy.LEAST_GAIN) * before.mean()
-    return bool(is_worth and chance(before, after, blocks_of(one)) < policy.FALSE_NAME)
+    return Predictions(other.predicted**2, one.predicted**2, blocks_of(one)).is_better()

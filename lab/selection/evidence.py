@@ -82,6 +82,11 @@ class Predictions:
         """Of the second fit predicting no better than the first."""
         return self.of_zero if self.of_zero is not None else chance(self.before, self.after, self.block)
 
+    def is_better(self, tried: float = 1.0) -> bool:
+        """Whether the second fit predicts substantially and significantly better; tried: the number of fits of which it
+        is one."""
+        return self.gain > policy.LEAST_GAIN and tried * self.p_value < policy.FALSE_NAME
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Generic[F]):
