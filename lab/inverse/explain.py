@@ -69,9 +69,9 @@ log = logging.getLogger(__name__)
 
 
 def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
-    """The error that is minimised: of the torque where the torque of a joint was measured, else of the simulated
-    motion; None for gears with play, as impacts make the whole motion unpredictable.  Raises ExperimentError for a
-    joint that is driven in some of the recordings only."""
+    """The error that is minimised: of the torque where that of a joint was measured, else of the simulated motion; None
+    for gears with play, as impacts make the whole motion unpredictable.  Raises ExperimentError for a joint that is
+    driven in some of the recordings only."""
     if model.base == "play":
         return None
     if model.base in SIMULATED or not can_invert(model):
@@ -82,7 +82,7 @@ def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
             f"found a torque in {driven[True]} and none in {driven[False]}, expected one in all recordings or in none: "
             "ask what moves freely apart from what is driven"
         )
-    return Method.TORQUE if True in driven else Method.FREE
+    return Method.TORQUE if True in driven else Method.MOTION
 
 
 def explained(
@@ -134,7 +134,7 @@ def _explanation(
     """The result of a search, with errors on the unseen recording."""
     fits = [one.surest for one in selection.fits]
     base, best = fits[0], fits[-1]
-    power = None if method is Method.MOTION else _power(selection.fits[-1], selection.added)
+    power = _power(best, selection.added) if can_invert(best.model) else None
     missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
@@ -153,7 +153,7 @@ def _explanation(
         ),
         error=errors,
         residual=None if complete else described(selection.fits[-1].inverse),
-        advice="" if method is Method.FREE else advice(selection, train, noise, pool),
+        advice=advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if complete and not missing else {},
         base=_fit(base, model, floors, column, unseen),
         best=_fit(best, model, floors, column, unseen),
@@ -164,7 +164,7 @@ def _explanation(
     )
 
 
-def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
+def _power(fit: Regression, effects: Sequence[str]) -> dict[str, float]:
     """The mean squared torque of each effect of a joint [(N m)²], in proportion to which the decrease of the squared
     error is divided among the effects.
 
@@ -172,9 +172,9 @@ def _power(fit: Fitted, effects: Sequence[str]) -> dict[str, float]:
     (viscous friction before Coulomb friction, of an arm with a tenth of it), and a free swing simulated with gravity
     alone is out of phase with the measured one, and has a larger error than without gravity.
     """
-    data = fit.inverse.data
-    assert isinstance(data, InverseModel)
-    return shares(fit.model, effects, data, is_free=fit.judged is not fit.inverse)
+    if isinstance(fit.data, InverseModel):
+        return shares(fit.model, effects, fit.data, is_free=False)
+    return shares(fit.model, effects, InverseModel.of(fit.data.signals, fit.model), is_free=True)
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

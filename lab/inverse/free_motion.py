@@ -5,7 +5,6 @@ The likelihood of motions that no input drives uses it (likelihood.py).  No sele
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 from lostmotion.lab.deadline import is_over
@@ -13,9 +12,9 @@ from lostmotion.lab.inverse.candidates import refined
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.shooting.parameters import free_names
-from lostmotion.model import Model, ModelError
+from lostmotion.model import Model
 
-__all__ = ["HORIZONS", "beginning", "continued", "resolved"]
+__all__ = ["continued", "resolved"]
 
 HORIZONS = (0.2, 0.5)
 """Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
@@ -24,29 +23,19 @@ VANISHED = 1e-3
 """Share of its initial value below which a parameter counts as zero."""
 
 
-def continued(model: Model, swings: OutputError, begun: Regression | None = None) -> Regression:
+def continued(model: Model, swings: OutputError) -> Regression:
     """Fits a free motion on a growing horizon (a homotopy): the shares ``HORIZONS`` of it, then the whole.
 
     Where this fit ends with a larger error than a model at rest, as that of a pendulum that goes over the top may, the
-    whole motion is also fitted at once, and the better fit is returned.  begun: the fit on the first horizon, if it is
-    known.
+    whole motion is also fitted at once, and the better fit is returned.
     """
-    start, shortest, *longer = model, *HORIZONS
-    model = _not_vanished((begun or regressed(model, swings.first(shortest))).model, start)
-    for share in longer:
+    start = model
+    for share in HORIZONS:
         model = _not_vanished(regressed(model, swings.first(share)).model, start)
     found = regressed(model, swings)
     if found.rms <= swings.signal_rms(model):
         return found
     return min(found, regressed(start, swings), key=lambda one: one.rms)
-
-
-def beginning(fit: Regression) -> Regression | None:
-    """The fit of a simulated free motion on the first horizon, from the values of a fit to the acceleration; None where
-    the motion cannot be simulated."""
-    with suppress(ModelError):
-        return regressed(fit.model, OutputError.of(fit.data.signals, fit.model).first(HORIZONS[0]))
-    return None
 
 
 def resolved(fit: Regression) -> Regression:

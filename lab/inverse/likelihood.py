@@ -32,7 +32,7 @@ from lostmotion.lab.inverse.candidates import (
     turns_of,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
-from lostmotion.lab.inverse.free_motion import HORIZONS, beginning, continued, resolved
+from lostmotion.lab.inverse.free_motion import continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
@@ -50,12 +50,10 @@ __all__ = ["Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbe
 
 
 class Method(Enum):
-    """The error that is minimised.  TORQUE: of the torque of a joint.  FREE: of the simulated motion of a joint that
-    swings freely, with candidates selected by the error of its inertia torque.  MOTION: of the simulated motion of a
-    servo or an oscillator."""
+    """The error that is minimised.  TORQUE: of the measured torque of a joint.  MOTION: of the simulated motion, of a
+    servo, an oscillator, or a joint that swings freely."""
 
     TORQUE = "torque"
-    FREE = "free"
     MOTION = "motion"
 
 
@@ -64,8 +62,7 @@ class Fitted:
     """A model of the search with its fits.
 
     inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  This
-    is a fit to the simulated motion where a joint swings freely, a generalised least-squares fit where the misfit of
-    the torque is whitened, else ``inverse``.
+    is a generalised least-squares fit where the misfit of a torque is whitened, else ``inverse``.
     """
 
     inverse: Regression
@@ -76,9 +73,7 @@ class Fitted:
         """The fit to report: of the least-squares and the generalised least-squares fit of a torque the one with the
         smaller relative deviations of its effects.  Whitening gives more weight to high frequencies, where the noise of
         an angle dominates its speed: a viscous friction of 1.0 N m s/rad was 0.31 by the one and 0.18 by the other."""
-        if self.judged is self.inverse or not isinstance(self.judged.data, InverseModel):
-            return self.judged
-        return min(self.inverse, self.judged, key=uncertainty)
+        return self.judged if self.judged is self.inverse else min(self.inverse, self.judged, key=uncertainty)
 
     @property
     def model(self) -> Model:
@@ -123,18 +118,22 @@ class WholeMotion:
     def firsts(self, added: tuple[str, ...]) -> int:
         """``policy.FIRSTS``; where a motion is simulated one, and none once an effect was added, as fits take
         seconds."""
-        return policy.FIRSTS if self.method is not Method.MOTION else int(not added)
+        return policy.FIRSTS if self.method is Method.TORQUE else int(not added)
 
     @property
     def turns(self) -> float:
         """The largest number of turns that the motion of a recording covers."""
         return turns_of(self.signals)
 
+    @property
+    def is_moved(self) -> bool:
+        """Whether an input drives the motion."""
+        return any(is_driven(one.experiment) for one in self.signals)
+
     def first(self) -> Fitted:
         """The fit of the model as it is."""
         if self.method is Method.MOTION:
-            is_moved = any(is_driven(one.experiment) for one in self.signals)
-            fit = regressed if is_moved else continued
+            fit = regressed if self.is_moved else continued
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
             best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
             return Fitted(best, best)
@@ -144,22 +143,14 @@ class WholeMotion:
     def opposed(self, now: Fitted) -> Sequence[str]:
         """The effects of ``nesting.around`` for a motion that dies away; none for a motion that an input drives, which
         distinguishes them."""
-        is_free = self.method is not Method.TORQUE and not any(is_driven(one.experiment) for one in self.signals)
-        return around(now.model) if is_free else ()
+        return () if self.is_moved else around(now.model)
 
     def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
         """Fits with each of the candidates in one batch, as far as the time allows."""
         wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
         with within(policy.STAGE_SHARE * remaining_s()):
             fits, failed = self._fitted_each(wide, now.inverse)
-        begun: dict[str, Regression] = {}
-        if self.method is Method.FREE:
-            begun = self._ahead(fits, now)
-            failed += [name for name, _ in fits if name not in begun]
-            fits = [(name, fit) for name, fit in fits if name in begun]
-        tried = each(self.pool, lambda one: (one[0], self._for_predictions(one[1], begun.get(one[0]))), fits, first=1)
-        found = [(name, fit) for name, fit in tried if fit]
-        failed += [name for name, fit in tried if fit is None]
+        found = each(self.pool, lambda one: (one[0], self._fitted(one[1])), fits, first=1)
         known = {*(effect for effect, _ in found), *failed}
         yield Proposals(found, tuple(name for name, _ in wide if name not in known), tuple(failed))
 
@@ -189,53 +180,28 @@ class WholeMotion:
         finished = each(self.pool, lambda one: (one[0], refined(one[1])), found[:many])
         return [*finished, *found[len(finished) :]], failed
 
-    def _ahead(self, fits: Sequence[tuple[str, Regression]], now: Fitted) -> dict[str, Regression]:
-        """The fits of candidates to the beginning of a free motion, by name, without those whose error is
-        ``policy.BEHIND`` times that of the best candidate or of the present model (successive halving)."""
-        assert isinstance(now.judged.data, OutputError)
-        least = regressed(now.model, now.judged.data.first(HORIZONS[0])).rms
-        tried = each(self.pool, lambda one: (one[0], beginning(one[1])), fits, first=1)
-        begun = {name: fit for name, fit in tried if fit}
-        least = min([least, *(fit.rms for fit in begun.values())])
-        return {name: fit for name, fit in begun.items() if fit.rms <= policy.BEHIND * least}
-
-    def _for_predictions(self, inverse: Regression, begun: Regression | None) -> Fitted | None:
-        """The candidate with its fit for predictions; None where its motion cannot be simulated."""
-        with suppress(ModelError):
-            return self._fitted(inverse, begun)
-        return None
-
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
         """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with
         the transmitted torque that the model needs with it."""
         if self.method is Method.MOTION:
             judged = resolved(fit.judged)
             return Fitted(judged, judged)
-        inverse = _with_load(fit.model, InverseModel.of(self.signals, fit.model), fit.inverse.nuisance)
-        return Fitted(inverse, resolved(fit.judged)) if self.method is Method.FREE else self._fitted(inverse)
+        return self._fitted(_with_load(fit.model, InverseModel.of(self.signals, fit.model), fit.inverse.nuisance))
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
         """The fit of the model without one of its effects, from the present values."""
-        model, nuisance = without(fit.model, effect), fit.inverse.nuisance
-        if self.method is Method.MOTION:
-            data = fit.inverse.data
-            if isinstance(data, OutputError):
-                data, nuisance = data.trimmed(model, nuisance)
-            return self._fitted(regressed(model, data, nuisance))
-        if self.method is Method.FREE and get_effect(effect).rests_by:  # the constant torque may stand for it
+        model, data, nuisance = without(fit.model, effect), fit.inverse.data, fit.inverse.nuisance
+        if not isinstance(data, OutputError):
+            return self._fitted(_with_load(model, InverseModel.of(data.signals, model, nuisance), nuisance))
+        if get_effect(effect).rests_by and not self.is_moved:  # the constant torque may stand for it
             model = with_free_states(model.replace({"bias": self.model.parameters["bias"]}))
-        inverse = _with_load(model, InverseModel.of(fit.inverse.data.signals, model, nuisance), nuisance)
-        if self.method is not Method.FREE:
-            return self._fitted(inverse)
-        less = regressed(model, fit.judged.data, fit.judged.nuisance, SHORT)
-        return Fitted(inverse, less if less.rms > policy.BEHIND * fit.rms else refined(less))
+        data, nuisance = data.trimmed(model, nuisance)
+        less = regressed(model, data, nuisance, SHORT)
+        return self._fitted(less if less.rms > policy.BEHIND * fit.rms else refined(less))
 
-    def _fitted(self, inverse: Regression, begun: Regression | None = None) -> Fitted:
-        """The model with its fit for predictions; inverse: the fit by which it was selected; begun: its fit to the
-        beginning of a free motion, if there is one."""
-        if self.method is not Method.FREE:
-            return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)
-        return Fitted(inverse, continued(inverse.model, OutputError.of(inverse.data.signals, inverse.model), begun))
+    def _fitted(self, inverse: Regression) -> Fitted:
+        """The model with its fit for predictions; inverse: the fit by which it was selected."""
+        return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)
 
     def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
         """The squared cross-validated errors of two fits in blocks of the residual of ``other``, and those on the
