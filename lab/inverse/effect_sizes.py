@@ -15,6 +15,7 @@ from scipy.special import fdtri, stdtr
 from lostmotion.lab import policy
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, blocks_of
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.least_squares import projected_off
@@ -108,17 +109,18 @@ def amplitudes(effect: str, fit: Regression) -> list[str]:
     return [name for name in names if name in fit.unknowns.names]
 
 
-def shares(model: Model, effects: Sequence[str], data: InverseModel, is_free: bool) -> dict[str, float]:
-    """The mean squared torque of each of these effects [(N m)²], projected off the torques of the inertia (where a
-    torque was measured), of a constant, and of the other effects of the model.
+def shares(model: Model, effects: Sequence[str], signals: Sequence[Signals]) -> dict[str, float]:
+    """The mean squared torque of each of these effects [(N m)²] at a motion, projected off the torques of the inertia
+    (where a torque was measured), of a constant, and of the other effects of the model.
 
     At a single frequency a spring needs the same torque as an inertia, and the weight of an arm that hardly turns is
-    constant.  Such torques can cancel each other, and so may be arbitrarily large.  is_free: whether all samples until
-    the part rests count, and not only those that are compared.
+    constant.  Such torques can cancel each other, and so may be arbitrarily large.  Of a free motion all samples until
+    the part rests count, not only those that are compared.
     """
+    data, is_free = InverseModel.of(signals, model), not any(one.torque.any() for one in signals)
 
     def joined(parts: Sequence[FloatArray]) -> FloatArray:
-        pairs = zip(parts, data.signals, strict=True)
+        pairs = zip(parts, signals, strict=True)
         return np.concatenate([part[one.moving] if is_free else one.filtered(part) for part, one in pairs])
 
     whole = data.needed(model)
@@ -126,9 +128,9 @@ def shares(model: Model, effects: Sequence[str], data: InverseModel, is_free: bo
         name: joined([more - less for more, less in zip(whole, data.needed(without(model, name)), strict=True)])
         for name in model.effects
     }
-    moving = joined([inertia_of(model) * one.acceleration for one in data.signals])
+    moving = joined([inertia_of(model) * one.acceleration for one in signals])
     beside = [np.ones(moving.size), *(torque for name, torque in torques.items() if name not in effects)]
-    if any(one.torque.any() for one in data.signals):
+    if not is_free:
         beside.append(moving)
     known = np.stack([column / max(float(np.linalg.norm(column)), 1e-300) for column in beside], axis=1)
     return {name: float(np.mean(projected_off(known, torques[name]) ** 2)) for name in effects}

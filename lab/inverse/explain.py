@@ -134,7 +134,7 @@ def _explanation(
     """The result of a search, with errors on the unseen recording."""
     fits = [one.surest for one in selection.fits]
     base, best = fits[0], fits[-1]
-    power = _power(best, selection.added) if can_invert(best.model) else None
+    power = shares(best.model, selection.added, best.data.signals) if can_invert(best.model) else None
     missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
@@ -162,19 +162,6 @@ def _explanation(
         columns={column: errors},
         untried=selection.untried,
     )
-
-
-def _power(fit: Regression, effects: Sequence[str]) -> dict[str, float]:
-    """The mean squared torque of each effect of a joint [(N m)²], in proportion to which the decrease of the squared
-    error is divided among the effects.
-
-    The decrease at each step is no such measure: the first of two effects with similar torques takes what both explain
-    (viscous friction before Coulomb friction, of an arm with a tenth of it), and a free swing simulated with gravity
-    alone is out of phase with the measured one, and has a larger error than without gravity.
-    """
-    if isinstance(fit.data, InverseModel):
-        return shares(fit.model, effects, fit.data, is_free=False)
-    return shares(fit.model, effects, InverseModel.of(fit.data.signals, fit.model), is_free=True)
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

@@ -297,10 +297,9 @@ def is_disturbed(fit: Regression) -> bool:
     """Whether the misfit of a measured torque is a larger share of its variance than an effect has to take
     (``policy.LEAST_GAIN``), as where the neighbours of a joint move it: for two joints of arms the share is 0.36 and
     0.9, for six other joints and motors at most 0.02."""
-    data = fit.data
-    if not isinstance(data, InverseModel) or not any(one.torque.any() for one in data.signals):
+    if not isinstance(fit.data, InverseModel):
         return False
-    torque = np.concatenate([one.filtered(one.torque) for one in data.signals])
+    torque = np.concatenate([one.filtered(one.torque) for one in fit.data.signals])
     return fit.error**2 > policy.LEAST_GAIN * float(torque.var())
 
 

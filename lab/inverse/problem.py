@@ -178,10 +178,8 @@ class InverseModel:
         return self
 
     def signal_rms(self, model: Model) -> float:
-        """Root mean square of the measured torque [N m], or of the inertia torque where the joint swings freely."""
-        inertia = inertia_of(model)
-        moving = [np.where(one.torque.any(), one.torque, inertia * one.acceleration) for one in self.signals]
-        return float(np.sqrt(np.mean(np.concatenate(moving) ** 2)))
+        """Root mean square of the measured torque [N m]."""
+        return float(np.sqrt(np.mean(np.concatenate([one.torque for one in self.signals]) ** 2)))
 
     @cached_property
     def counts(self) -> list[int]:

@@ -7,7 +7,6 @@ import numpy as np
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse.effect_sizes import shares
-from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
@@ -20,7 +19,7 @@ def of(angle: FloatArray, torque: FloatArray, **values: float) -> dict[str, floa
     effects = ["spring_torque", "viscous_friction", *(["gravity_torque"] if "gravity_torque" in str(values) else [])]
     model = build_model("joint", effects, {name.replace("__", "."): value for name, value in values.items()})
     (held,) = experiments(model, [Recording(TIMES, {"position": angle, "torque": torque})])
-    return shares(model, effects, InverseModel.of([Signals.of(held)], model), is_free=False)
+    return shares(model, effects, [Signals.of(held)])
 
 
 def test_a_spring_that_cancels_an_inertia_is_small() -> None:
