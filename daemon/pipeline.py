@@ -152,6 +152,7 @@ class Pipeline:
 
     def step(self, now: float) -> list[Scored]:
         """The windows whose acceleration is there, or for which it is no longer waited at robot time ``now`` [s]."""
+        come = {name: ring.newest for name, ring in self._rings.items()}
         done = [scored for joint in self._joints.values() if joint.pending for scored in self._finish(joint, now)]
         if self.attributors:
             done = self._attribute(done)
@@ -159,7 +160,8 @@ class Pipeline:
             joints = self._behind[name]
             if self._virtual or ring.crowded:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
-            ends = (pending.end for joint in joints for pending in joint.pending)
+            # A window that ended before ``come`` waits for servo samples or for another ring, which wake the reader.
+            ends = (pending.end for joint in joints for pending in joint.pending if pending.end > come[name])
             ring.expect(_together(ends, self._together_s))
         while self._virtual and self.learn():
             pass

@@ -184,6 +184,18 @@ def test_who_is_read_first_changes_no_virtual_score() -> None:
     assert np.array(scores[0]) == pytest.approx(np.array(scores[1]), nan_ok=True)
 
 
+def test_a_window_that_waits_for_commands_does_not_wake_the_reader() -> None:
+    """A virtual sensor may be ahead of its servos: the reader sleeps until their samples come."""
+    world = World(virtual=True)
+    world.feel(0.0, 2.6)
+    world.move(0.0, 2.25)
+    world.pipeline.step(1e9)
+    assert world.pipeline.open_windows
+    assert not world.waker.wait(0)
+    world.move(2.25, 2.6)
+    assert world.pipeline.step(1e9)
+
+
 def test_reversals_before_the_sensor_speaks_open_no_window() -> None:
     """While the accelerometer is still being opened nothing can be lost."""
     world = World()
