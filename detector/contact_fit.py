@@ -69,6 +69,8 @@ LEAST_PLAY, MOST_PLAY = 1e-4, 0.1
 LOST = 2 * math.pi
 """Standard deviation of D from which the motion is unknown [rad]: commands with gaps and jumps reach 10⁴, and the
 weights of contacts, to ``GRAIN``, are then rounding errors."""
+NEIGHBOURS = np.array([[-1], [0], [1]])
+"""The three steps of the grid in which an impact's place is looked for, from its own."""
 SIDES = (0.0, 1.0, -1.0)
 """The middle and both flanks, indexed by the sign of a place."""
 
@@ -242,11 +244,13 @@ def _least(design: FloatArray, weight: FloatArray, observed: FloatArray) -> tupl
 def _between(relative: RelativeMotion, touch: _Touch, fit: _Fit) -> _Place:
     """D at all times given the contacts (kriging)."""
     lag = relative.lag * _lag_variance(relative, fit.play)
-    shared = relative.covariance[:, touch.at] + lag @ relative.lag[touch.at].T
-    gain = shared @ fit.weight
-    angle = relative.angle - fit.values[0] - fit.values[1] * relative.time - gain @ fit.left
-    variance = np.diag(relative.covariance) + np.sum(lag * relative.lag, axis=1) - np.sum(gain * shared, axis=1)
-    rows = np.column_stack([np.ones(angle.size), relative.time, np.zeros(angle.size)]) - gain @ _design(relative, touch)
+    shared = relative.covariance[touch.at]  # rows: columns of this symmetric matrix lie far apart
+    shared += relative.lag[touch.at] @ lag.T
+    gain = fit.weight @ shared
+    angle = relative.angle - fit.values[0] - fit.values[1] * relative.time - fit.left @ gain
+    variance = np.diag(relative.covariance) + np.sum(lag * relative.lag, axis=1) - np.einsum("cn,cn->n", gain, shared)
+    rows = np.column_stack([np.ones(angle.size), relative.time, np.zeros(angle.size)])
+    rows -= gain.T @ _design(relative, touch)
     variance = variance + np.sum((rows @ fit.covariance) * rows, axis=1)
     sides = np.array(SIDES)[:, None]
     variance = variance + sides * (rows @ fit.covariance[:, 2]) + sides**2 * (fit.covariance[2, 2] / 4)
@@ -267,13 +271,11 @@ def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool)
             row = core | (loose & (side == flank) & (-flank * found.push > LEAST_DRIVE))
             label = np.cumsum(np.concatenate([[True], row[1:] != row[:-1]]))
             rests = rests | (row & (np.bincount(label, core)[label] > 0))
-    impulse = np.zeros(side.size)
-    for impact in np.flatnonzero(found.impacts):
-        flank, size = -float(np.sign(found.impulse[impact])), abs(float(found.impulse[impact]))
-        closest = impact - 1 + int(np.argmax(flank * place.angle[impact - 1 : impact + 2]))
-        allowed = max(near[closest], 0.5 * step * size + 0.1 * play)
-        if abs(flank * place.angle[closest] - half) < allowed:
-            impulse[closest], side[closest] = size, flank
+    impulse, impacts = np.zeros(side.size), np.flatnonzero(found.impacts)
+    flank, size = -np.sign(found.impulse[impacts]), np.abs(found.impulse[impacts])
+    closest = impacts - 1 + np.argmax(flank * place.angle[impacts + NEIGHBOURS], axis=0)
+    near_flank = np.abs(flank * place.angle[closest] - half) < np.maximum(near[closest], 0.5 * step * size + 0.1 * play)
+    impulse[closest[near_flank]], side[closest[near_flank]] = size[near_flank], flank[near_flank]
     return _touching(rests & _arrived(found, impulse * side, play, step), side, impulse)
 
 

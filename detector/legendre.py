@@ -19,7 +19,8 @@ def values(place: FloatArray, degree: int) -> FloatArray:
     if degree:
         rows[1] = place
     for k in range(2, degree + 1):
-        rows[k] = ((2 * k - 1) * rows[1] * rows[k - 1] - (k - 1) * rows[k - 2]) / k
+        row = np.multiply(place, rows[k - 1], out=rows[k])  # P_k = x P_(k-1) + (k - 1) / k (x P_(k-1) - P_(k-2))
+        row += (k - 1) / k * (row - rows[k - 2])
     return rows.T
 
 

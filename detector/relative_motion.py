@@ -125,7 +125,7 @@ def _relative_motion(
     for errors of the servo's response, and the angles [rad] added by an error of the resonance.
     """
     (path, alternative), (goal, astray), time = paths, uncertain, inverted.times
-    angle, whole = path.angle(slice(None)), path.covariance(slice(None))
+    angle = path.angle(slice(None))
     driven, speed, accel = angle, *(command.derivative(path.basis, order) for order in (1, 2))
     driven, speed, accel = driven - driven.mean(), speed - speed.mean(), accel - accel.mean()
     step = inverted.step
@@ -136,7 +136,8 @@ def _relative_motion(
         OTHERWISE * (goal - goal.mean() - driven),
         astray,
     ])  # fmt: skip
-    covariance = inverted.angle_covariance + whole + columns @ columns.T
+    covariance = np.hstack([path.basis @ path.polynomial_covariance, columns]) @ np.hstack([path.basis, columns]).T
+    covariance += inverted.angle_covariance  # in place: each of these matrices takes a megabyte
     motion = integrated(impulses, step) - angle
     lag = np.column_stack([2 * USUAL * servo.delay[0] * accel - speed, accel])
     shape = SHAPE * servo.delay[0] ** 2
