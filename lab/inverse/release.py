@@ -97,8 +97,8 @@ def _free_part(signals: Signals) -> _FreePart:
     """The part of a recording in which the motion is free.
 
     It begins after the last time at which the error of the acceleration, averaged over a third of a period, exceeds
-    ``policy.MISSED`` times that of the surely free part.  If less than a period would be left out, nothing is, as a
-    second mode that dies down looks alike.
+    ``policy.MISSED`` times that of the surely free part.  Of an oscillator less than a period is not left out, as a
+    second mode that dies down looks alike.  A joint has none, and a hand deflects it within half a period.
 
     A rest before the motion is left out if it is longer than that of a free motion at its turning points: a pendulum
     that falls from the upright hardly accelerates there, and no simulation from there follows it.  For an accelerometer
@@ -137,7 +137,8 @@ def _by_acceleration(signals: Signals, motion: _LocalMotion) -> tuple[int, bool]
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
     after = mean[free.stop + width : -width] > policy.MISSED * usual
     acts_again = bool(signals.moving[motion.whole.stop :].any() if motion.coasts else after.any())
-    return release if release >= PERIOD * width else 0, acts_again
+    shortest = 0 if signals.column == "position" else PERIOD * width
+    return release if release >= shortest else 0, acts_again
 
 
 def _gains_speed(angle: FloatArray) -> bool:
