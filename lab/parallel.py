@@ -21,6 +21,7 @@ from concurrent.futures import (
 from contextlib import contextmanager, suppress
 from contextvars import copy_context
 from importlib import import_module
+from itertools import chain, count
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
@@ -62,17 +63,15 @@ def open_executor(spec: str | None = None) -> Iterator[Executor]:
         ) from error
 
 
-def each(pool: Executor | None, work: Callable[[T], R], items: Sequence[T], first: int = 0) -> list[R]:
-    """The results of ``work``, which need not be picklable, in the order of the items; items are skipped when the time
-    is up, except the first so many."""
+def each(pool: Executor | None, work: Callable[[T], R], items: Sequence[T], first: int = 0) -> list[tuple[T, R]]:
+    """Each item with the result of ``work``, which need not be picklable; items are left out when the time is up,
+    except the first so many."""
 
-    def begun(numbered: tuple[int, T]) -> list[R]:
-        number, item = numbered
-        return [] if is_over() and number >= first else [work(item)]
+    def begun(number: int, item: T) -> list[tuple[T, R]]:
+        return [] if is_over() and number >= first else [(item, work(item))]
 
-    numbered = list(enumerate(items))
-    found = pool.map(begun, numbered) if isinstance(pool, ThreadPoolExecutor) else map(begun, numbered)
-    return [one for each in found for one in each]
+    run = pool.map if isinstance(pool, ThreadPoolExecutor) else map
+    return list(chain.from_iterable(run(begun, count(), items)))
 
 
 class Threads(ThreadPoolExecutor):

@@ -7,9 +7,8 @@ that, to first order, explain most of the residual of the present fit.  No selec
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
@@ -133,41 +132,45 @@ def turns_of(signals: Sequence[Signals]) -> float:
     return max(float(np.ptp(one.position)) for one in signals) / math.tau
 
 
-def fitted_with(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:
+def fitted_with(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression]) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values.
 
-    name: the effect; wide: the model with it; now: the fit of the present model; begun: the fit of ``wide`` to the
-    acceleration, if there is one.  None where no fit is possible or the estimates contradict the definition of the
-    effect.
+    wide: the effect, and the model with it; now: the fit of the present model; begun: fits to the acceleration, by
+    effect.  None where no fit is possible or the estimates contradict the definition of the effect.
     """
+    name, model = wide
     if not isinstance(now.data, OutputError):
-        found = _fitted_from_guesses(name, softened(wide, now.data.signals), now, STARTS, MOST_STEPS)
+        found = _fitted_from_guesses(name, softened(model, now.data.signals), now, STARTS, MOST_STEPS)
         return found if found and can_run(found.model, now.data.signals) else None
-    fits = [_fitted_from_acceleration(name, wide, now, begun), _fitted_from_guesses(name, wide, now, 1, SHORT)]
+    fits = [_fitted_from_acceleration(name, model, now, begun.get(name)), _fitted_from_guesses(name, model, now)]
     return min((one for one in fits if one), key=lambda one: one.rms, default=None)
 
 
-def fitted_by_acceleration(name: str, wide: Model, inverse: Regression | None) -> Regression | None:
+def fitted_by_acceleration(wide: tuple[str, Model], inverse: Regression) -> Regression | None:
     """The fit of a model with one more effect to the acceleration; None where the acceleration does not follow from the
-    measured motion.  inverse: the fit of the present model to the acceleration, if there is one."""
-    if not inverse or not _follow_motion(wide):
+    measured motion.  wide: the effect, and the model with it; inverse: the fit of the present model to the
+    acceleration."""
+    name, model = wide
+    if not _follow_motion(model):
         return None
-    begun = _with_values(softened(wide, inverse.data.signals), inverse.model)
+    begun = _with_values(softened(model, inverse.data.signals), inverse.model)
     return _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
 
 
-def _fitted_from_guesses(name: str, wide: Model, now: Regression, most: int, steps: int) -> Regression | None:
+def _fitted_from_guesses(
+    name: str, wide: Model, now: Regression, most: int = 1, steps: int = SHORT
+) -> Regression | None:
     """The best of at most ``most`` fits, of at most ``steps`` steps each, from the initial guesses that explain most of
     the residual; None where there is none, or the time is up."""
     size = sizes_of(now.model, now.data)
     wide = _within_speeds(wide, name, size, _blurred_speed(now.data))
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
-    data = now.data.suited(begin)
-    promising = (entry for start in begin if not is_over() and (entry := _evaluated(name, start, now, data)))
-    ranked = sorted(promising, key=lambda one: -one[0])[:STARTS]
-    fits = (fit for _, start, beside in ranked if not is_over() and (fit := _tried(start, data, beside, steps)))
-    possible = islice((one for one in fits if are_consistent(one.model, [name])), most)
-    return min(possible, key=lambda one: one.rms, default=None)
+    data, fits = now.data.suited(begin), list[Regression]()
+    promising = [entry for start in begin if not is_over() and (entry := _evaluated(name, start, now, data))]
+    for _, start, beside in sorted(promising, key=lambda one: -one[0])[:STARTS]:
+        if len(fits) < most and not is_over() and (fit := _tried(start, data, beside, steps)):
+            fits += [fit] if are_consistent(fit.model, [name]) else []
+    return min(fits, key=lambda one: one.rms, default=None)
 
 
 def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Regression | None) -> Regression | None:

@@ -6,8 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,10 +14,10 @@ from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.problem import Problem, by_recording
 from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.shooting.parameters import Unknown, Unknowns
-from lostmotion.model import Model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FitEndsError", "jacobian_of", "prior_of", "scaled"]
+__all__ = ["FitEndsError", "Objective", "prior_of", "scaled"]
 
 PRIOR = 0.1
 """Weight of the prior on the base's parameters while a fit is far off: a factor e costs as much as one sample with an
@@ -39,32 +38,63 @@ class FitEndsError(Exception):
     """Ends a fit at the last point at which its derivatives are known."""
 
 
-def jacobian_of(
-    residual: Callable[[FloatArray], FloatArray], z: FloatArray, high: FloatArray, data: Problem, *, may_end: bool
-) -> FloatArray:
-    """The Jacobian (M, P + E) of the residual at z (P + E,), by forward differences, or backward ones at the upper
-    bound ``high`` (P + E,).
+@dataclass(eq=False)
+class Objective:
+    """The residual of a problem and of the prior at z (P + E,), the parameters and the nuisance parameters, and its
+    Jacobian, for a minimiser; both in units of the signal, ``usual``.
 
-    The k-th nuisance parameters of all recordings are changed at once, as a recording depends on its own only.
-    may_end: whether to raise FitEndsError when the time is up.
+    weight, near: (P,), weights and centres of the prior; high: the upper bounds of z (P + E,); known: where the
+    Jacobian was evaluated last, with the residual (M + P,) and the Jacobian (M + P, P + E) there.
     """
-    here = residual(z)
-    recordings = len(data.signals)
-    count, found = z.size - recordings * data.nuisance_count, np.zeros((here.size, z.size))
-    parts = by_recording(np.arange(here.size), data)
-    for at in range(count):
-        if may_end and is_over():
+
+    model: Model
+    data: Problem
+    unknowns: Unknowns
+    usual: float
+    weight: FloatArray
+    near: FloatArray
+    high: FloatArray
+    known: tuple[FloatArray, FloatArray, FloatArray] | None = None
+    _latest: tuple[FloatArray, FloatArray] | None = None
+
+    def residual(self, z: FloatArray) -> FloatArray:
+        """The residual (M + P,); the last one is kept, as a step is evaluated to be judged, and again for its
+        derivatives."""
+        if self._latest is None or not np.array_equal(self._latest[0], z):
+            own, beside = np.split(z, [len(self.unknowns.items)])
+            error = self.data.residual(self.unknowns.put(self.model, own), beside) / self.usual
+            self._latest = z.copy(), np.concatenate([error, self.weight * (own - self.near)])
+        return self._latest[1]
+
+    def jacobian(self, z: FloatArray) -> FloatArray:
+        """The Jacobian (M + P, P + E), by forward differences, or backward ones at the upper bound.
+
+        The k-th nuisance parameters of all recordings are changed at once, as a recording depends on its own only.
+        Raises FitEndsError when the time is up, or where the motion cannot be simulated beside z, if the Jacobian was
+        known before; else ModelError.
+        """
+        here, data, recordings = self.residual(z), self.data, len(self.data.signals)
+        count, found = len(self.unknowns.items), np.zeros((here.size, z.size))
+        parts = by_recording(np.arange(sum(data.counts)), data)
+        for at in range(count):
+            if self.known and is_over():
+                raise FitEndsError
+            step = STEP * max(1.0, abs(z[at]))
+            step = -step if z[at] + step > self.high[at] else step
+            found[:, at] = (self.residual(z + step * (np.arange(z.size) == at)) - here) / step
+        for k in range(data.nuisance_count):
+            mine = count + k + data.nuisance_count * np.arange(recordings)
+            step = STEP * max(1.0, float(np.abs(z[mine]).max()))
+            change = (self.residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
+            for rows, column in zip(parts, mine, strict=True):
+                found[rows, column] = change[rows]
+        if np.isfinite(found).all():
+            self.known = z.copy(), here, found
+        elif self.known:
             raise FitEndsError
-        step = STEP * max(1.0, abs(z[at]))
-        step = -step if z[at] + step > high[at] else step
-        found[:, at] = (residual(z + step * (np.arange(z.size) == at)) - here) / step
-    for k in range(data.nuisance_count):
-        mine = count + k + data.nuisance_count * np.arange(recordings)
-        step = STEP * max(1.0, float(np.abs(z[mine]).max()))
-        change = (residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
-        for rows, column in zip(parts, mine, strict=True):
-            found[rows, column] = change[rows]
-    return found
+        else:
+            raise ModelError("the motion cannot be simulated near the first values of the parameters")
+        return found
 
 
 def prior_of(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatArray]:

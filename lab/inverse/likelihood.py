@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,39 +146,36 @@ class WholeMotion:
         return () if self.is_moved else around(now.model)
 
     def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
-        """Fits with each of the candidates in one batch, as far as the time allows."""
-        wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
-        with within(policy.STAGE_SHARE * remaining_s()):
-            fits, failed = self._fitted_each(wide, now.inverse)
-        found = each(self.pool, lambda one: (one[0], self._fitted(one[1])), fits, first=1)
-        known = {*(effect for effect, _ in found), *failed}
-        yield Proposals(found, tuple(name for name, _ in wide if name not in known), tuple(failed))
-
-    def _fitted_each(
-        self, wide: Sequence[tuple[str, Model]], now: Regression
-    ) -> tuple[list[tuple[str, Regression]], list[str]]:
-        """The fits of the candidates by which they are selected, as far as the time allows, and the names of the
-        candidates that cannot be fitted.
+        """Fits with each of the candidates in one batch, as far as the time allows.
 
         Fits to a simulated motion are made in the order of the errors of their fits to the acceleration, which need no
         simulation.  They take a few steps; the best of them are continued to the end.
         """
-        is_simulated = self.method is Method.MOTION
-        inverse = by_acceleration(now.model, now.data.signals) if is_simulated else None
-        begun = dict(
-            each(self.pool, lambda one: (one[0], fitted_by_acceleration(*one, inverse)), wide if inverse else [])
-        )
-        wide = sorted(wide, key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
-        tried = each(self.pool, lambda one: (one[0], fitted_with(*one, now, begun.get(one[0]))), wide)
-        found = [(name, fit) for name, fit in tried if fit]
-        failed = [] if is_over() else [name for name, fit in tried if fit is None]
-        if not is_simulated:
-            return found, failed
-        found.sort(key=lambda one: one[1].rms)
+        wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
+        with within(policy.STAGE_SHARE * remaining_s()):
+            begun = self._by_acceleration(wide, now.inverse) if self.method is Method.MOTION else {}
+            wide.sort(key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
+            tried = each(self.pool, partial(fitted_with, now=now.inverse, begun=begun), wide)
+            failed = () if is_over() else tuple(name for (name, _), fit in tried if fit is None)
+            fits = [(name, fit) for (name, _), fit in tried if fit]
+            fits = self._finished(fits, now) if self.method is Method.MOTION else fits
+        found = [(name, fit) for (name, _), fit in each(self.pool, lambda one: self._fitted(one[1]), fits, first=1)]
+        known = {*(effect for effect, _ in found), *failed}
+        yield Proposals(found, tuple(name for name, _ in wide if name not in known), failed)
+
+    def _by_acceleration(self, wide: Sequence[tuple[str, Model]], now: Regression) -> dict[str, Regression]:
+        """The fits of the candidates to the acceleration, by name, where it follows from the measured motion."""
+        inverse = by_acceleration(now.model, now.data.signals)
+        tried = each(self.pool, partial(fitted_by_acceleration, inverse=inverse), wide) if inverse else []
+        return {name: fit for (name, _), fit in tried if fit}
+
+    def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
+        """The fits of a few steps, best first, those of them that may be named continued to the end."""
+        fits = sorted(fits, key=lambda one: one[1].rms)
         least = math.sqrt(1 - policy.LEAST_PROMISE) * now.rms
-        many = min(sum(fit.rms < least for _, fit in found), policy.FINISHED)
-        finished = each(self.pool, lambda one: (one[0], refined(one[1])), found[:many])
-        return [*finished, *found[len(finished) :]], failed
+        many = min(sum(fit.rms < least for _, fit in fits), policy.FINISHED)
+        finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), fits[:many])]
+        return [*finished, *fits[len(finished) :]]
 
     def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
         """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +17,7 @@ from scipy.optimize import least_squares
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
-from lostmotion.lab.inverse.free_parameters import FitEndsError, jacobian_of, prior_of, scaled
+from lostmotion.lab.inverse.free_parameters import FitEndsError, Objective, prior_of, scaled
 from lostmotion.lab.inverse.problem import InverseModel, Problem, by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -239,35 +240,15 @@ def _minimised(
     and centres of the prior."""
     count, size, usual = len(unknowns.items), sum(data.counts), _signal_rms(data, model)
     low, high = (np.concatenate(pair) for pair in zip(unknowns.bounds, _nuisance_bounds(data), strict=True))
-
-    latest: list[tuple[FloatArray, FloatArray]] = []
-
-    def residual(at: FloatArray) -> FloatArray:  # a step is evaluated to be judged, and again for its derivatives
-        if not latest or not np.array_equal(latest[0][0], at):
-            error = data.residual(unknowns.put(model, at[:count]), at[count:]) / usual
-            latest[:] = [(at.copy(), np.concatenate([error, weight * (at[:count] - near)]))]
-        return latest[0][1]
-
-    known: list[tuple[FloatArray, FloatArray]] = []
-
-    def jacobian(at: FloatArray) -> FloatArray:  # it is evaluated at the first values and after each step
-        slopes = jacobian_of(residual, at, high, data, may_end=bool(known))
-        if not np.isfinite(slopes).all():  # beside these values the motion cannot be simulated
-            if known:
-                raise FitEndsError
-            raise ModelError("the motion cannot be simulated near the first values of the parameters")
-        known[:] = [(at.copy(), slopes)]
-        return slopes
-
-    if not np.isfinite(residual(z)).all():
+    objective = Objective(model, data, unknowns, usual, weight, near, high)
+    if not np.isfinite(objective.residual(z)).all():
         raise ModelError("the motion cannot be simulated with the first values of the parameters")
-    try:
-        with np.errstate(over="ignore"):  # a trial step may be far off: its error is compared, no more
-            found = least_squares(residual, z, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED)
-        x, error, slopes = found.x, found.fun, np.asarray(found.jac)
-    except FitEndsError:
-        x, slopes = known[0]
-        error = residual(x)
+    with np.errstate(over="ignore"), suppress(FitEndsError):  # a trial step may be far off: its error is compared
+        least_squares(
+            objective.residual, z, objective.jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED
+        )
+    assert objective.known  # at the last step that was taken
+    x, error, slopes = objective.known
     values = unknowns.put(model, x[:count])
     return Regression(values, data, unknowns, x[:count], error[:size] * usual, slopes[:size] * usual, x[count:])
 

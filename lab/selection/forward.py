@@ -197,11 +197,11 @@ def _ranked(
     tried = sum(prior.values())
     counts = in_turn(fits) if likelihood.is_held_out else {name: tried / odds for name, odds in prior.items()}
     pool = likelihood.pool
-    predicted = each(pool, lambda one: (*one, likelihood.predictions(now, one[1])), fits, first=1)
-    common = in_common([(effect, predictions) for effect, _, predictions in predicted], counts)
+    predicted = each(pool, lambda one: likelihood.predictions(now, one[1]), fits, first=1)
+    common = in_common([(effect, predictions) for (effect, _), predictions in predicted], counts)
 
-    def judged(one: tuple[str, F, Predictions]) -> Candidate[F]:
-        effect, fit, predictions = one
+    def judged(one: tuple[tuple[str, F], Predictions]) -> Candidate[F]:
+        (effect, fit), predictions = one
         p_value = common * counts[effect] * shapes_tried(effect, fit.model) * predictions.p_value
         least = likelihood.least_gain(fit, now)
         is_identified = (
@@ -211,7 +211,7 @@ def _ranked(
         return Candidate(effect, fit, predictions.gain, min(p_value, 1.0), blocks, is_identified, least)
 
     best = dict[str, Candidate[F]]()
-    for one in sorted(each(pool, judged, predicted, first=1), key=lambda one: -one.gain):
+    for one in sorted((one for _, one in each(pool, judged, predicted, first=1)), key=lambda one: -one.gain):
         best.setdefault(one.effect, one)  # two fits of one effect may have been proposed
     found = list(best.values())
     good = [one for one in found if one.is_significant]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.inverse import regression
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
@@ -79,24 +78,26 @@ def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float)
     assert band == widest if amplitude == 0.0 else band < min(widest, 15.0)
 
 
-@pytest.mark.parametrize("until", [0, 1])
-def test_a_fit_ends_where_the_motion_can_still_be_simulated(until: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Derivatives that overflow after a step end the fit at the values before it; at the first values it is refused."""
-    model, slopes, asked = build_model("joint", ["viscous_friction"]), regression.jacobian_of, list[FloatArray]()
+@pytest.mark.parametrize(("lost", "is_refused"), [(2, True), (6, False)])
+def test_a_fit_ends_where_the_motion_can_still_be_simulated(
+    lost: int, is_refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A simulation that fails for the derivatives after a step ends the fit at the values before it; for those at the
+    first values it is refused.  The first simulation is of the first values, three more are for the derivatives."""
+    model, residual, asked = build_model("joint", ["viscous_friction"]), InverseModel.residual, list[FloatArray]()
 
-    def overflowing(residual: Any, z: FloatArray, *others: Any, **more: Any) -> FloatArray:
-        asked.append(z.copy())
-        found = slopes(residual, z, *others, **more)
-        return np.full_like(found, math.inf) if len(asked) == until + 1 else found
+    def overflowing(self: InverseModel, *given: Any) -> FloatArray:
+        asked.append(residual(self, *given))
+        return np.full_like(asked[-1], math.inf) if len(asked) == lost else asked[-1]
 
-    monkeypatch.setattr(regression, "jacobian_of", overflowing)
+    monkeypatch.setattr(InverseModel, "residual", overflowing)
     data = InverseModel.of([Signals.of(quivering(0.0, 0))], model)
-    if until == 0:
+    if is_refused:
         with pytest.raises(ModelError, match="near the first values"):
             regressed(model, data)
     else:
         assert np.isfinite(regressed(model, data).z).all()
-        assert len(asked) > 1
+        assert len(asked) > lost
 
 
 def test_a_slow_motion_keeps_some_samples_for_each_regressor() -> None:
