@@ -99,14 +99,14 @@ def explained(
     rough = from_spectra(model, train)
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
-            found = searched(rough, train, last, method, pool, progress)
+            channel, unseen, selection = searched(rough, train, last, method, pool, progress)
         progress("judging", 0.9)
-        found.channel.warn(train[0].name)
-        _warn_of_motor_constant(model, found.best.model, train[0].name)
-        told = _explanation(found.selection, model, train, found.unseen, method, noise, pool)
+        channel.warn(train[0].name)
+        _warn_of_motor_constant(model, selection.fits[-1].model, train[0].name)
+        told = _explanation(selection, model, train, unseen, method, noise, pool)
     fit_on.cache_clear()
     progress("done", 1.0)
-    base, best = (found.channel.annotated(fit) for fit in (told.base, told.best))
+    base, best = (channel.annotated(fit) for fit in (told.base, told.best))
     return replace(told, held=held, base=base, best=best)
 
 

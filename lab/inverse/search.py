@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
@@ -17,50 +17,36 @@ from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Selection, selected
 from lostmotion.model import Model
 
-__all__ = ["Searched", "searched"]
-
-
-@dataclass(frozen=True, eq=False)
-class Searched:
-    """A search, with the channel and the likelihood in it."""
-
-    channel: Channel
-    likelihood: WholeMotion
-    selection: Selection[Fitted]
-
-    @property
-    def best(self) -> Fitted:
-        """The fit with all effects that were found."""
-        return self.selection.fits[-1]
-
-    @property
-    def unseen(self) -> Signals:
-        """The signals of the last recording."""
-        assert self.likelihood.unseen
-        return self.likelihood.unseen
+__all__ = ["searched"]
 
 
 def searched(
     model: Model, train: Sequence[Experiment], last: Experiment, method: Method, pool: Executor, progress: Progress
-) -> Searched:
-    """The search with the delay of the recordings, or that without it where its effects predict better.
+) -> tuple[Channel, Signals, Selection[Fitted]]:
+    """The channel, the signals of the last recording in it, and the search with the delay of the recordings, or that
+    without it where its effects predict better.
 
     The delay is estimated before any effect is known, and an effect that the model lacks may look like one: a ripple of
     ten a turn, of a simulated joint, like a delay of 20 ms, beside which it had p = 1.  Without the delay it leaves the
     noise.
     """
-    is_alone = len(train) < policy.ENOUGH_RECORDINGS
 
-    def search(channel: Channel, begun: Searched | None = None) -> Searched:
-        *signals, unseen = (channel.signals(one, model.base != "servo", begun is not None) for one in (*train, last))
-        likelihood = WholeMotion(method, model, signals, unseen, is_alone, pool, is_whitened=begun is not None)
-        return Searched(channel, likelihood, selected(likelihood, progress, begun.selection if begun else None))
+    def likelihood(channel: Channel, *, is_whitened: bool = False) -> WholeMotion:
+        *signals, unseen = (channel.signals(one, model.base != "servo", is_whitened) for one in (*train, last))
+        is_fold = len(train) < policy.ENOUGH_RECORDINGS
+        return WholeMotion(method, model, signals, unseen, is_fold, pool, is_whitened=is_whitened)
 
-    found = search(Channel.of(train) if method is Method.TORQUE else Channel())
-    if found.channel.delay_s and not is_over():
-        other = search(replace(found.channel, delay_s=0.0))
-        found = other if _predicts_better(other.best.judged, found.best.judged) else found
-    return search(found.channel, found) if is_disturbed(found.best.inverse) else found
+    channel = Channel.of(train) if method is Method.TORQUE else Channel()
+    found = selected(own := likelihood(channel), progress)
+    if channel.delay_s and not is_over():
+        undelayed = replace(channel, delay_s=0.0)
+        other = selected(less := likelihood(undelayed), progress)
+        if _predicts_better(other.fits[-1].judged, found.fits[-1].judged):
+            channel, own, found = undelayed, less, other
+    if is_disturbed(found.fits[-1].inverse):
+        found = selected(own := likelihood(channel, is_whitened=True), progress, found)
+    assert own.unseen
+    return channel, own.unseen, found
 
 
 def _predicts_better(one: Regression, other: Regression) -> bool:
