@@ -42,24 +42,30 @@ __all__ = [
 ]
 
 LEAST_CHANGES = 20
-"""Changes of a column, by which its rate is judged."""
+"""Changes of a column, by which its rate is judged.  With 10 and with 40, too, none of 268 columns of
+``bench.real`` counts as held."""
 EVEN, STEPS = 0.8, 1.2
 """Least share of the changes of a column that come at even intervals, or with those of another one: 0.88 and 0.97 of a
 camera's and an arm's held readings, 0.5 of a servo's current in steps.  Least ratio of the quartiles of its steps: 2.4
 and more of seven held columns of 260 public tables, 1 of a slow motion in the steps of an encoder."""
 USUAL = 0.95
-"""Quantile of the steps between two samples that stands for the motion: as many as 2 % of readings may be lost."""
+"""Quantile of the steps between two samples that stands for the motion: as many as 2 % of readings may be lost.  Of 620
+readings that were put out of the range of 155 real angles, four in each, 601 are found (607 with the quantile 0.9, 151
+with 0.99), and none besides."""
 MOST_LOST = 5
 """Consecutive readings; ``policy.LOST_JUMP`` has the measurement."""
 WRAPS = 0.01
-"""A jump this close to whole turns, in turns, is that of an angle that wraps."""
+"""A jump this close to whole turns, in turns, is that of an angle that wraps.  Of the same 620 readings 608 are found
+with 0.003, 589 with 0.02 and 561 with 0.05."""
 ANGLES = ("position", "command")
-WHOLE, BESIDE = 0.8, 0.2
-"""Shares of the range: the least jump of an angle that begins anew, and the largest step beside such jumps."""
+WHOLE = 0.75
+"""Share of the range: the least jump of an angle that begins anew; other steps are at most the rest of it.  Of 468 real
+angles of 1.5 to 6 turns that were wrapped 467 are put back with 0.7 to 0.8, 456 with 0.9; none of 261 as they
+are is changed."""
 NEAR = 3
-"""samples before and after a jump, which go on in the same direction"""
+"""Samples before and after a jump, which go on in the same direction; the same with 2 and 5."""
 OFF = 0.02
-"""of a turn: how far a jump may be from one"""
+"""How far a jump may be from a turn, in turns: 463 of the same angles are put back with 0.01, 468 with 0.05."""
 MOTOR_ON = "torque_enabled"
 """A column of logs of servos: 1 while the motor holds its goal, 0 after it was let go."""
 DRIVEN = {"servo": True, "joint": False}
@@ -189,14 +195,14 @@ def unwrapped(values: FloatArray) -> FloatArray | None:
     size = np.abs(steps)
     jumps = np.flatnonzero(size > WHOLE * np.ptp(values)) if values.size > 2 * NEAR else np.empty(0, dtype=int)
     others = np.delete(size, jumps)
-    if not jumps.size or not others.size or others.max() > BESIDE * np.ptp(values):
+    if not jumps.size or not others.size or others.max() > (1 - WHOLE) * np.ptp(values):
         return None
     around = [np.r_[steps[max(at - NEAR, 0) : at], steps[at + 1 : at + 1 + NEAR]] for at in jumps]
     onward = np.array([np.median(near[np.abs(near) <= others.max()]) if near.size else 0.0 for near in around])
     ranges = np.abs(steps[jumps] - onward)
     whole = float(np.median(ranges))
     is_turn = abs(whole - math.tau) < OFF * math.tau
-    if np.abs(ranges - whole).max() > BESIDE * whole or not (is_turn or (onward * steps[jumps] < 0).all()):
+    if np.abs(ranges - whole).max() > (1 - WHOLE) * whole or not (is_turn or (onward * steps[jumps] < 0).all()):
         return None
     return np.unwrap(values, period=math.tau if is_turn else whole)
 

@@ -24,7 +24,7 @@ NUMERICS = {
     "data/experiment.py": (6, "what is no recording"),
     "data/frequency_response.py": (7, "estimators of first values"),
     "data/noise.py": (11, "an estimator of the noise, each number with its measured error"),
-    "data/readings.py": (10, "what is a reading that is repeated or lost, a jump of a counter or a turn"),
+    "data/readings.py": (9, "what is a reading that is repeated or lost, a jump of a counter or a turn"),
     "data/supply.py": (4, "which of two things a voltage is; the margins are measured"),
     "data/whiteness.py": (3, "lags, rank of a matrix, length of a block"),
     "design/next_experiment.py": (2, "the motions that are proposed"),
