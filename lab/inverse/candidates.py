@@ -28,7 +28,7 @@ from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
-from lostmotion.model.effects.base import SHAFT_TURNS
+from lostmotion.model.effects.base import SHAFT_TURNS, Effect
 from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
@@ -124,7 +124,13 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             wide = model.with_effect(name)
             if is_simulated:  # a mode of some hertz and centimetres, or of kilohertz and micrometres
                 wide = simulable(wide, data.signals)
-            yield name, wide if is_moved else with_free_states(wide)
+            yield name, wide if is_moved else with_free_states(_without_excitation(wide, effect))
+
+
+def _without_excitation(wide: Model, effect: Effect) -> Model:
+    """The model in which nothing but their initial values moves the free states of an effect, as no input does."""
+    idle = effect.amplitudes if effect.free_states else ()
+    return wide.replace({f"{effect.id}.{name}": 0.0 for name in idle})
 
 
 def turns_of(signals: Sequence[Signals]) -> float:

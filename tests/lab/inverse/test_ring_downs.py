@@ -115,13 +115,16 @@ def test_a_spring_is_symmetric_about_its_place_of_rest(cubic: float, zero: float
 
 
 def test_modes_that_overlap_are_no_two() -> None:
-    """Two modes are apart by more than the half-power bandwidth of either, or there is one, or its harmonic."""
+    """Two modes are apart by more than the half-power bandwidth of either, or there is one, or its harmonic; what an
+    input excites is no harmonic."""
     model = build_model("oscillator", ["second_mode"], {"m": 1.0, "k": (2 * math.pi * 2.0) ** 2, "b": 0.1})
     for f2, zeta2, is_one in ((2.3, 0.02, True), (2.03, 0.02, False), (2.3, 0.1, False), (9.0, 0.9, False),
         (4.05, 0.01, False), (4.3, 0.01, True),
     ):  # fmt: skip
-        found = model.replace({"second_mode.f2": f2, "second_mode.zeta2": zeta2})
+        found = model.replace({"second_mode.f2": f2, "second_mode.zeta2": zeta2, "second_mode.participation": 0.0})
         assert are_consistent(found, ["second_mode"]) is is_one
+        driven = found.replace({"second_mode.participation": 0.1})
+        assert are_consistent(driven, ["second_mode"]) is (is_one or f2 == 4.05)
 
 
 @pytest.mark.slow
