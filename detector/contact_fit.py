@@ -272,10 +272,12 @@ def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool)
             label = np.cumsum(np.concatenate([[True], row[1:] != row[:-1]]))
             rests = rests | (row & (np.bincount(label, core)[label] > 0))
     impulse, impacts = np.zeros(side.size), np.flatnonzero(found.impacts)
-    flank, size = -np.sign(found.impulse[impacts]), np.abs(found.impulse[impacts])
-    closest = impacts - 1 + np.argmax(flank * place.angle[impacts + NEIGHBOURS], axis=0)
-    near_flank = np.abs(flank * place.angle[closest] - half) < np.maximum(near[closest], 0.5 * step * size + 0.1 * play)
-    impulse[closest[near_flank]], side[closest[near_flank]] = size[near_flank], flank[near_flank]
+    struck, size = -np.sign(found.impulse[impacts]), np.abs(found.impulse[impacts])
+    closest = impacts - 1 + np.argmax(struck * place.angle[impacts + NEIGHBOURS], axis=0)
+    near_flank = np.abs(struck * place.angle[closest] - half) < np.maximum(
+        near[closest], 0.5 * step * size + 0.1 * play
+    )
+    impulse[closest[near_flank]], side[closest[near_flank]] = size[near_flank], struck[near_flank]
     return _touching(rests & _arrived(found, impulse * side, play, step), side, impulse)
 
 
