@@ -273,15 +273,20 @@ def _sharp(model: Model, rough: Model) -> Model:
 def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArray | None]]:
     """The experiments of a fit with their fitted initial states, None where no motion is simulated; remark: added to
     their names."""
-    experiments = [replace(one.experiment, name=f"{one.experiment.name}{remark}") for one in fit.data.signals]
     if isinstance(fit.data, InverseModel):
-        return [(one, None) for one in experiments]
+        return [(_renamed(one, remark), None) for one in fit.data.signals]
     assert isinstance(fit.data, OutputError)
-    states = np.split(fit.nuisance, len(experiments))
     return [
-        (one, initial_state(one.model(fit.model), one, state, fit.data.free))
-        for one, state in zip(experiments, states, strict=True)
+        (
+            shown := _renamed(one.shifted(zero), remark),
+            initial_state(shown.model(fit.model), shown, state, fit.data.free),
+        )
+        for one, (zero, state) in zip(fit.data.signals, fit.data.starts(fit.nuisance), strict=True)
     ]
+
+
+def _renamed(signals: Signals, remark: str) -> Experiment:
+    return replace(signals.experiment, name=f"{signals.experiment.name}{remark}")
 
 
 def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:

@@ -278,11 +278,13 @@ def error_on(fit: Regression, unseen: Signals) -> float:
 @lru_cache(maxsize=64)  # each candidate is compared with several others
 def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     """The fitted model on an unseen recording, on which only the nuisance parameters (initial state, zero angle) are
-    fitted; None where the motion cannot be simulated."""
+    fitted; None where the motion cannot be simulated.  A later part of a fitted recording has the zero of that one."""
     known = held(fit.model, fit.unknowns.names)
     with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
-            return regressed(known, OutputError.of([unseen], known).no_finer(fit.data))
+            is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
+            data = replace(OutputError.of([unseen], known), is_anchored=is_part)
+            return regressed(known, data.no_finer(fit.data))
         colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
         return regressed(
             known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)

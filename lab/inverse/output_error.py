@@ -20,7 +20,7 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
-from lostmotion.lab.inverse.problem import by_recording
+from lostmotion.lab.inverse.problem import HELD, by_recording
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
@@ -48,8 +48,9 @@ enough; and how often it is halved at most."""
 
 @dataclass(frozen=True, eq=False)
 class OutputError:
-    """The error of the simulated motion of R recordings, with K initial values of each as nuisance parameters:
-    position, speed, and the free states of effects; see ``Problem``.
+    """The error of the simulated motion of R recordings, with K values of each as nuisance parameters: the initial
+    position and speed, the zero of its sensor where it has one of its own, and the free states of effects at the start;
+    see ``Problem``.
 
     substep_s: integration step of a fit [s]; prior_centre: the model near which parameters stay that are not
     identified.
@@ -60,6 +61,8 @@ class OutputError:
     prior_centre: Model
     free: tuple[str, ...] = ()
     """The names of the states of effects whose initial values are fitted."""
+    is_anchored: bool = True
+    """Whether the zero of the first recording is that of the model; see ``problem.InverseModel``."""
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
@@ -85,11 +88,28 @@ class OutputError:
 
     @property
     def nuisance(self) -> FloatArray:
-        """The initial position and speed of each recording in the filtered signals, and its free states in equilibrium
-        with them (K R,)."""
-        return np.concatenate(
-            [[one.position[0], one.velocity[0], *self._settled(self.prior_centre, one)] for one in self.signals]
-        )
+        """The initial position and speed of each recording in the filtered signals, a zero of its sensor of 0, and its
+        free states in equilibrium with them (K R,)."""
+        return np.concatenate([
+            [one.position[0], one.velocity[0], *[0.0] * self._has_zeros, *self._settled(self.prior_centre, one)]
+            for one in self.signals
+        ])  # fmt: skip
+
+    @property
+    def _has_zeros(self) -> bool:
+        """Whether the zeros of the sensors of several recordings are fitted, as encoders and films have theirs where
+        the user puts it: three swings of a disk whose zeros differ by 0.8 rad had 26 degrees left, and 5 with zeros of
+        their own.  The goal of a servo is counted from the zero of its angle."""
+        is_placed = self.prior_centre.base != "servo" and all(one.column != ACCEL for one in self.signals)
+        return is_placed and (len(self.signals) > 1 or not self.is_anchored)
+
+    def starts(self, nuisance: FloatArray) -> list[tuple[float, FloatArray]]:
+        """For each recording what is to be added to its readings, and the initial position, speed and free states;
+        nuisance: (K R,)."""
+        rows = nuisance.reshape(len(self.signals), -1)
+        if not self._has_zeros:
+            return [(0.0, row) for row in rows]
+        return [(float(row[2]), np.concatenate([[row[0] + row[2], row[1]], row[3:]])) for row in rows]
 
     def _settled(self, model: Model, one: Signals) -> list[float]:
         """The free states in equilibrium with the start of a recording; zero for those that the model lacks."""
@@ -102,20 +122,24 @@ class OutputError:
 
     @property
     def nuisance_range(self) -> FloatArray:
-        """Infinite (K R,): the initial values may be anywhere.  The readings determine them.  The filtered signals do
-        not, as near an end the transient of the filter is many times their noise.  A bar that a force sets into motion
-        from rest had 14 times the noise left where its initial speed was bounded by their scatter."""
-        return np.full(self.nuisance.size, np.inf)
+        """Infinite (K R,), but for a zero that is known: the initial values may be anywhere.  The readings determine
+        them.  The filtered signals do not, as near an end the transient of the filter is many times their noise.  A bar
+        that a force sets into motion from rest had 14 times the noise left where its initial speed was bounded by their
+        scatter."""
+        free = np.full(self.nuisance.size, np.inf)
+        if self._has_zeros and self.is_anchored:
+            free[2] = HELD
+        return free
 
     @property
     def nuisance_count(self) -> int:
-        """K, the number of initial values of one recording."""
-        return 2 + len(self.free)
+        """K, the number of nuisance parameters of one recording."""
+        return 2 + self._has_zeros + len(self.free)
 
     def trimmed(self, model: Model, nuisance: FloatArray) -> tuple[OutputError, FloatArray]:
         """The problem without the free states that the model lacks, and the nuisance parameters (K R,) without them."""
         has = [name in model.state_names for name in self.free]
-        rows = nuisance.reshape(len(self.signals), self.nuisance_count)[:, [True, True, *has]]
+        rows = nuisance.reshape(len(self.signals), self.nuisance_count)[:, [True] * (2 + self._has_zeros) + has]
         return replace(self, free=tuple(compress(self.free, has))), np.asarray(rows.ravel())
 
     def begun(self, model: Model, nuisance: FloatArray) -> FloatArray:
@@ -125,7 +149,7 @@ class OutputError:
         known = nuisance.reshape(recordings, -1)
         if known.shape[1] == self.nuisance_count:
             return nuisance
-        found = np.array([[0.0, 0.0, *self._settled(model, one)] for one in self.signals])
+        found = np.array([[0.0] * (2 + self._has_zeros) + self._settled(model, one) for one in self.signals])
         found[:, : known.shape[1]] = known
         here, columns = self.residual(model, found.ravel()), []
         for at in range(known.shape[1], self.nuisance_count):
@@ -151,9 +175,9 @@ class OutputError:
         (variable projection).
         """
         parts = []
-        for one, start in zip(self.signals, nuisance.reshape(len(self.signals), -1), strict=True):
+        for one, (zero, start) in zip(self.signals, self.starts(nuisance), strict=True):
             experiment = one.experiment
-            own, measured = experiment.model(model), experiment.measured[one.column]
+            own, measured = experiment.model(model), experiment.measured[one.column] + zero
             state = initial_state(own, experiment, start, self.free)
             try:
                 run = own.simulate(experiment.drive, experiment.time, state, **self._step)
