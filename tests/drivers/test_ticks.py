@@ -113,6 +113,22 @@ def test_samples_that_arrive_in_bursts_are_evened() -> None:
     assert np.diff(evened(np.delete(arrived, slice(2000, 2260)))).max() == pytest.approx(1.0, abs=0.1)
 
 
+def test_lines_that_are_stamped_as_they_are_read_from_a_buffer_are_evened() -> None:
+    """The same, but each line has the millisecond in which it was read, and some bursts are late.  Times with a pause
+    stay as they are."""
+    rng = np.random.default_rng(1)
+    times = np.arange(5000) / 260
+    late = 0.1 * (rng.random(400) < 0.02)
+    burst = np.ceil(times / 0.062).astype(int)
+    arrived = burst * 0.062 + late[burst] + 5e-4 * (np.arange(5000) - np.searchsorted(burst, burst))
+    arrived = np.round(np.maximum.accumulate(arrived), 3)
+    found = evened(arrived)
+    assert np.diff(found) == pytest.approx(1 / 260, rel=1e-3)
+    assert np.ptp(found - times) < 5e-3
+    paused = times + 5.0 * (times > 10)
+    assert np.array_equal(evened(paused), paused)
+
+
 def test_times_with_so_many_digits_are_evened() -> None:
     """Frames 1/30 s apart, written with four digits (9.967, 10.03, 110.6): the steps are even to 3 % above 10 s, where
     they were 30, 40, 0 and 100 ms; one frame that was lost stays lost."""
