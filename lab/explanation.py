@@ -34,7 +34,9 @@ from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained, method_of
 from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.models.compile import compile_kernels
 from lostmotion.lab.results import Explanation
+from lostmotion.lab.selection.nesting import others
 from lostmotion.model import Model
 
 __all__ = ["explain"]
@@ -49,10 +51,12 @@ def explain(
 ) -> Explanation:
     """Finds the effects that are missing from the model of these experiments.
 
-    budget_s: about how long it may take [s].  Raises ModelError where the model cannot be run on the experiments at
-    all.
+    budget_s: about how long it may take [s]; what a first search on a machine compiles does not count.  Raises
+    ModelError where the model cannot be run on the experiments at all.
     """
     method = method_of(model, experiments)
+    progress("compiling the model, once on a machine", 0.0)
+    compile_kernels(model, others(model), experiments[0])
     experiments = released(band_limited(model, with_one_column(experiments))) if method else experiments
     noise = noise_of(experiments)
     train, last = _split(experiments, method is not None)
