@@ -240,7 +240,7 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
             f"{recording.name}: found {time.size} samples of {column}, expected at least {LEAST_SAMPLES}; "
             "is the recording too short?"
         )
-    longest = _without_gap(recording.name, column, time)
+    longest = _without_gap(recording.name, column, time, values)
     if longest.stop - longest.start < LEAST_SAMPLES:
         raise ExperimentError(
             f"{recording.name}: found {longest.stop - longest.start} samples of {column} between two gaps at most, "
@@ -283,10 +283,11 @@ def _readings(recording: Recording, column: str) -> FloatArray:
     return np.asarray(values[np.isfinite(values)])
 
 
-def _without_gap(name: str, column: str, time: FloatArray) -> slice:
-    """The samples of the longest part of the input without a gap; a warning reports the rest."""
+def _without_gap(name: str, column: str, time: FloatArray, values: FloatArray) -> slice:
+    """The samples of the longest part of the input without a gap; a warning reports the rest.  A goal that is the same
+    on both sides of a gap was held in it."""
     spacing = np.diff(time)
-    gaps = np.flatnonzero(spacing > LONGEST_GAP * np.median(spacing))
+    gaps = np.flatnonzero((spacing > LONGEST_GAP * np.median(spacing)) & (np.diff(values) != 0))
     ends = np.concatenate([[0], gaps + 1, [time.size]])
     at = int(np.argmax(np.diff(ends)))
     first, last = int(ends[at]), int(ends[at + 1])

@@ -53,7 +53,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     sentences += _unused(explanation)
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
-        sentences.append(f"The recording kept for judging does not show {effects}: only the other recordings do.")
+        sentences.append(f"The samples kept for judging do not show {effects}: only those of the fit do.")
     return tuple(sentences)
 
 

@@ -293,6 +293,16 @@ def test_the_longest_part_without_a_gap_is_used(caplog: pytest.LogCaptureFixture
     assert "used from 0.425 to 1 s" in caplog.text
 
 
+def test_a_goal_that_is_the_same_after_a_gap_was_held_in_it(caplog: pytest.LogCaptureFixture) -> None:
+    """Steps of a servo, whose log pauses every tenth of a second for longer than 20 samples: all of it is used."""
+    goal = np.where(TIMES % 0.5 < 0.25, 0.3, 0.0)
+    kept = (TIMES % 0.1 < 0.06) | (np.abs(np.gradient(goal)) > 0)
+    steps = Recording(TIMES[kept], {"command": goal[kept], "position": np.roll(goal, 40)[kept]}, {}, name="rec.csv")
+    (found,) = held("servo", steps)
+    assert found.time[-1] == TIMES[kept][-1]
+    assert "gap" not in caplog.text
+
+
 def test_gears_that_were_sampled_too_slowly(tmp_path: Path) -> None:
     """Ten samples a second tell nothing of teeth: one line says so, and what can be asked instead."""
     path, model = tmp_path / "slow.csv", tmp_path / "gears.toml"

@@ -25,7 +25,7 @@ def test_what_the_judged_recording_is_free_of_is_said() -> None:
     """An effect that only the recordings of the fit hold: why the error stays where it was."""
     only = replace(report_example.explanation(), descent=(4.1, 4.1))
     said = verdict.of_explanation(only)[-1]
-    assert said == "The recording kept for judging does not show Coulomb friction: only the other recordings do."
+    assert said == "The samples kept for judging do not show Coulomb friction: only those of the fit do."
 
 
 def test_a_short_part_of_the_recordings_is_not_rounded_to_none() -> None:
