@@ -274,10 +274,8 @@ def _chosen(found: Contacts, place: _Place, fit: _Fit, step: float, grown: bool)
     impulse, impacts = np.zeros(side.size), np.flatnonzero(found.impacts)
     struck, size = -np.sign(found.impulse[impacts]), np.abs(found.impulse[impacts])
     closest = impacts - 1 + np.argmax(struck * place.angle[impacts + NEIGHBOURS], axis=0)
-    near_flank = np.abs(struck * place.angle[closest] - half) < np.maximum(
-        near[closest], 0.5 * step * size + 0.1 * play
-    )
-    impulse[closest[near_flank]], side[closest[near_flank]] = size[near_flank], struck[near_flank]
+    fits = np.abs(struck * place.angle[closest] - half) < np.maximum(near[closest], 0.5 * step * size + 0.1 * play)
+    impulse[closest[fits]], side[closest[fits]] = size[fits], struck[fits]
     return _touching(rests & _arrived(found, impulse * side, play, step), side, impulse)
 
 

@@ -21,6 +21,8 @@ HALF_WIDTH = 0.2
 """Half-width of the band around the peak that is demodulated, as a share of its frequency."""
 LEAST_CYCLES = 6
 LEAST_SAMPLES = 32
+MOST_MISSING = 0.02
+"""Largest share of samples that may be missing: the spectrum is that of the others and a line between them."""
 STEPS = 8
 """Gauss-Newton steps; three are enough from a good start."""
 
@@ -38,7 +40,7 @@ class Oscillator:
 
 
 def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) -> Oscillator:
-    """f_res and zeta of the strongest ring-down in tip acceleration [m/s²], shape (N,), none missing.
+    """f_res and zeta of the strongest ring-down in tip acceleration [m/s²], shape (N,), NaN where a sample is missing.
 
     hum_hz: frequencies of steady lines that may be in it, partly removed already.
 
@@ -50,14 +52,8 @@ def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) ->
     Raises DetectorError when nothing moves, no peak stands out, or the ring-down is too short to measure.
     """
     values = np.asarray(accel, dtype=float)
-    missing = int(np.sum(~np.isfinite(values)))
-    if values.size < LEAST_SAMPLES or missing:
-        raise DetectorError(
-            f"samples: found {values.size}, {missing} of them missing; expected at least {LEAST_SAMPLES}, none missing"
-        )
-    if np.ptp(values) == 0:
-        raise DetectorError(f"all {values.size} samples are {values[0]:g} m/s²; expected a ring: is the sensor stuck?")
-    spectrum = np.fft.fft(values - values.mean())
+    whole = _whole(values)
+    spectrum = np.fft.fft(whole - whole.mean())
     frequency = np.arange(values.size, dtype=np.float64) * (rate_hz / values.size)
     peak = _peak(np.abs(spectrum), frequency, rate_hz)
     band = np.abs(frequency - peak) < HALF_WIDTH * peak
@@ -79,18 +75,39 @@ def identify(accel: FloatArray, rate_hz: float, hum_hz: Sequence[float] = ()) ->
     return Oscillator(natural / (2 * math.pi), -refined.real / natural, cycles, std / (2 * math.pi), std / natural)
 
 
+def _whole(values: FloatArray) -> FloatArray:
+    """The samples, with a line over those that are missing.  Raises DetectorError for too few, and for one value."""
+    there = np.isfinite(values)
+    missing = int(np.sum(~there))
+    if values.size < LEAST_SAMPLES or missing > MOST_MISSING * values.size:
+        raise DetectorError(
+            f"samples: found {values.size}, {missing} of them missing; expected at least {LEAST_SAMPLES}, "
+            f"{MOST_MISSING:.0%} of them missing at most"
+        )
+    whole = np.interp(np.arange(values.size), np.flatnonzero(there), values[there])
+    if np.ptp(whole) == 0:
+        raise DetectorError(f"all {values.size} samples are {whole[0]:g} m/s²; expected a ring: is the sensor stuck?")
+    return whole
+
+
 def _refine(time: FloatArray, values: FloatArray, exponent: complex, hum_hz: Sequence[float]) -> tuple[complex, float]:
-    """The exponent s of Re(A exp(s t)) plus a cubic and steady lines: least squares for A and A ds, then s += ds.
+    """The exponent s of Re(A exp(s t)) plus a cubic and steady lines: least squares for A and A ds, then s += ds, from
+    the samples that are not missing.
 
     Also the standard deviation [1/s] of its real part, and as good as that of its imaginary part.
     """
+    there = np.isfinite(values)
+    time, values = time[there], values[there]
     turns = 2 * np.pi * np.outer(time, hum_hz)
     slow = np.column_stack([np.vander(time / time[-1], 4), np.cos(turns), np.sin(turns)])
+    start = exponent
     for _ in range(STEPS):
         wave = np.exp(exponent * time)
         columns = np.column_stack([wave.real, -wave.imag, time * wave.real, -time * wave.imag, slow])
         a, b, c, d = np.linalg.lstsq(columns, values, rcond=None)[0][:4]
         exponent += complex(c, d) / complex(a, b)
+        if not abs(exponent / start - 1) < 1:  # no ring-down: ``identify`` says so
+            break
     # At convergence c and d are nearly 0, and columns and amplitude those of the solution.
     inverse = np.linalg.pinv(columns)
     left = values - columns @ (inverse @ values)

@@ -7,9 +7,11 @@ import re
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.taps import find_taps, pooled, true_frequency
+from lostmotion.detector.window import FloatArray
 from tests.detector.synthetic import ring
 
 
@@ -48,14 +50,40 @@ def test_resonance_and_damping_through_hum(rate: float, f_res: float, zeta: floa
         assert found.taps >= 1
 
 
+def flicked(rng: np.random.Generator, f_res: float, zeta: float, wander: float, lost: float) -> tuple[FloatArray, ...]:
+    """Times and acceleration of 12 s at 1 kHz of a bar that is flicked six times by half-sine forces of 1 to 4 ms,
+    integrated at 8 kHz, with noise of 0.1 m/s².  The times wander by that [s], most of it in the first seconds, as
+    those of a host that learns a sensor's clock; that share of the samples is lost."""
+    fine, omega = np.arange(8 * 12_000) / 8000, 2 * math.pi * f_res
+    force = np.zeros(fine.size)
+    for begin in np.arange(1, 12, 2) + rng.uniform(-0.3, 0.3, 6):
+        length = rng.uniform(1e-3, 4e-3)
+        push = (fine >= begin) & (fine < begin + length)
+        force[push] = rng.choice([-1, 1]) * rng.uniform(24, 60) * np.sin(math.pi * (fine[push] - begin) / length)
+    up, down, _ = signal.cont2discrete(([1.0, 0, 0], [1, 2 * zeta * omega, omega**2]), 1 / 8000, "foh")
+    accel = signal.lfilter(up.ravel(), down, force)[::8] + 0.98 + rng.normal(0, 0.1, 12_000)
+    times = np.arange(12_000) / 1000
+    slow = rng.normal(size=3) @ np.sin(2 * np.pi * rng.uniform(0.2, 1.0, (3, 1)) * times + rng.uniform(0, 6, (3, 1)))
+    times = np.maximum.accumulate(times + wander * (slow / 2 + 2 * rng.normal() * np.exp(-times)))
+    kept = rng.random(times.size) >= lost
+    return times[kept] + 1e-9 * np.flatnonzero(kept), accel[kept]
+
+
 @pytest.mark.slow
-def test_intervals_cover() -> None:
-    """Of 60 recordings 90 to 100 % of the intervals hold the truth."""
-    rng = np.random.default_rng(7100)
-    found = [pooled([find_taps(*tapped(rng, 500.0, 58.0, 0.012, 0.1))]) for _ in range(60)]
-    assert np.mean([one.f_res_hz.low <= 58.0 <= one.f_res_hz.high for one in found]) >= 0.9
-    assert np.mean([one.zeta.low <= 0.012 <= one.zeta.high for one in found]) >= 0.9
-    assert np.median([one.zeta.high - one.zeta.low for one in found]) < 0.1 * 0.012
+@pytest.mark.parametrize(("f_res", "wander", "lost"), [(None, 0.0, 0.0), (58.0, 0.0, 0.0), (None, 3e-4, 5e-4)])
+def test_intervals_cover(f_res: float | None, wander: float, lost: float) -> None:
+    """Of 200 bars 90 to 99 % of the intervals hold the truth, nearly all taps are found, and no hum, of which there is
+    none: with even samples, with a bar near 60 Hz, and with times that wander and samples that are lost."""
+    held, taps, hums = [], 0, 0
+    for seed in range(200):
+        rng = np.random.default_rng([7100, seed])
+        truth, zeta = f_res or rng.uniform(30, 120), rng.uniform(0.006, 0.02)
+        found = pooled([find_taps(*flicked(rng, truth, zeta, wander, lost))])
+        held.append((found.f_res_hz.low <= truth <= found.f_res_hz.high, found.zeta.low <= zeta <= found.zeta.high))
+        taps, hums = taps + found.taps, hums + (found.mains_hz is not None)
+    assert 0.90 <= np.mean(held, axis=0).min() <= np.mean(held, axis=0).max() <= 0.995
+    assert taps >= 0.97 * 6 * 200
+    assert hums <= 4
 
 
 def test_hum_is_named() -> None:
@@ -108,6 +136,17 @@ def test_different_bars_are_refused() -> None:
     found = [find_taps(*tapped(rng, 500.0, f_res, 0.012)) for f_res in (58.0, 70.0)]
     with pytest.raises(DetectorError, match="different resonances"):
         pooled(found)
+
+
+def test_few_missing_samples_cost_no_tap() -> None:
+    """Single samples that are lost in every ring, one stamp that comes 2 ms late: all five taps are used."""
+    rng = np.random.default_rng(7350)
+    time, accel = tapped(rng, 1000.0, 58.0, 0.012)
+    kept = np.arange(time.size) % 150 > 0
+    time[2000:] += 0.002 * np.exp(-np.arange(time.size - 2000) / 1000)
+    found = pooled([find_taps(time[kept], accel[kept])])
+    assert found.taps == 5
+    assert found.f_res_hz.low <= 58.0 <= found.f_res_hz.high
 
 
 def test_no_tap_is_an_error() -> None:
