@@ -62,11 +62,13 @@ class Fitted:
     """A model of the search with its fits.
 
     inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  This
-    is a generalised least-squares fit where the misfit of a torque is whitened, else ``inverse``.
+    is a generalised least-squares fit where the misfit of a torque is whitened, else ``inverse``; by_acceleration: see
+    ``screened``.
     """
 
     inverse: Regression
     judged: Regression
+    by_acceleration: float | None = None
 
     @property
     def surest(self) -> Regression:
@@ -87,8 +89,10 @@ class Fitted:
 
     @property
     def screened(self) -> float:
-        """Root mean square error of the fit to select candidates with."""
-        return self.inverse.rms
+        """Root mean square error of the fit to select candidates with.  For a candidate of a free motion this is the
+        error of the present model times the ratio of their errors of the acceleration: a swing with its weight but
+        without its damping is out of phase, with an error no smaller than without the weight."""
+        return self.inverse.rms if self.by_acceleration is None else self.by_acceleration
 
     @property
     def count(self) -> int:
@@ -153,21 +157,29 @@ class WholeMotion:
         """
         wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
         with within(policy.STAGE_SHARE * remaining_s()):
-            begun = self._by_acceleration(wide, now.inverse) if self.method is Method.MOTION else {}
+            begun, screened = self._by_acceleration(wide, now) if self.method is Method.MOTION else ({}, {})
             wide.sort(key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
             tried = each(self.pool, partial(fitted_with, now=now.inverse, begun=begun), wide)
             failed = () if is_over() else tuple(name for (name, _), fit in tried if fit is None)
             fits = [(name, fit) for (name, _), fit in tried if fit]
             fits = self._finished(fits, now) if self.method is Method.MOTION else fits
-        found = [(name, fit) for (name, _), fit in each(self.pool, lambda one: self._fitted(one[1]), fits, first=1)]
+        judged = each(self.pool, lambda one: self._fitted(one[1]), fits, first=1)
+        found = [(name, replace(fit, by_acceleration=screened.get(name))) for (name, _), fit in judged]
         known = {*(effect for effect, _ in found), *failed}
         yield Proposals(found, tuple(name for name, _ in wide if name not in known), failed)
 
-    def _by_acceleration(self, wide: Sequence[tuple[str, Model]], now: Regression) -> dict[str, Regression]:
-        """The fits of the candidates to the acceleration, by name, where it follows from the measured motion."""
-        inverse = by_acceleration(now.model, now.data.signals)
-        tried = each(self.pool, partial(fitted_by_acceleration, inverse=inverse), wide) if inverse else []
-        return {name: fit for (name, _), fit in tried if fit}
+    def _by_acceleration(
+        self, wide: Sequence[tuple[str, Model]], now: Fitted
+    ) -> tuple[dict[str, Regression], dict[str, float]]:
+        """The fits of the candidates to the acceleration, by name, where it follows from the measured motion; and for a
+        free motion what ``Fitted.screened`` is."""
+        inverse = by_acceleration(now.model, now.inverse.data.signals)
+        if not inverse:
+            return {}, {}
+        tried = each(self.pool, partial(fitted_by_acceleration, inverse=inverse), wide)
+        begun = {name: fit for (name, _), fit in tried if fit}
+        is_known = not self.is_moved and inverse.rms > 0
+        return begun, {name: now.rms * fit.rms / inverse.rms for name, fit in begun.items()} if is_known else {}
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
         """The fits of a few steps, best first, those of them that may be named continued to the end."""

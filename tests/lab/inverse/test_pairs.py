@@ -67,3 +67,17 @@ def test_weight_of_a_small_swing_is_no_spring(tmp_path: Path) -> None:
     weight that is named all the same."""
     answer = explained(tmp_path, 'base = "joint"', [dropped_arm(-0.34, 1), dropped_arm(0.35, 2)])
     assert set(answer["missing"]) == {"gravity_torque", "coulomb_friction", "viscous_friction"}
+
+
+def test_a_pendulum_that_falls_from_the_upright_has_its_weight(tmp_path: Path) -> None:
+    """Its swing with the weight alone is out of phase, and has a larger error than with a spring; the weight explains
+    most of the acceleration, and is the first of the pair that is named."""
+    times = np.arange(0.0, 12.0, 0.015)
+    found = solve_ivp(
+        lambda _, x: [x[1], -39.0 * math.sin(x[0]) - 0.5 * x[1]], (0.0, 12.0), [3.09, 0.0], "LSODA", times, rtol=1e-8,
+        atol=1e-10,
+    )  # fmt: skip
+    angle = found.y[0] + 3e-3 * np.random.default_rng(0).standard_normal(times.size)
+    answer = explained(tmp_path, 'base = "joint"', [Recording(times, {"position": angle}, {}, {}, 0, "fall.csv")])
+    assert set(answer["missing"]) == {"gravity_torque", "viscous_friction"}
+    assert answer["error"]["after"] < 2 * 3e-3
