@@ -237,13 +237,13 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
     time, values = time[new], values[new]
     if time.size < LEAST_SAMPLES:
         raise ExperimentError(
-            f"{recording.name}: found {time.size} samples of {column}, expected at least {LEAST_SAMPLES}; "
+            f"{recording.name}: samples of {column}: found {time.size}, expected at least {LEAST_SAMPLES}; "
             "is the recording too short?"
         )
     longest = _without_gap(recording.name, column, time, values)
     if longest.stop - longest.start < LEAST_SAMPLES:
         raise ExperimentError(
-            f"{recording.name}: found {longest.stop - longest.start} samples of {column} between two gaps at most, "
+            f"{recording.name}: samples of {column} between two gaps: found {longest.stop - longest.start} at most, "
             f"expected at least {LEAST_SAMPLES}"
         )
     return Sampled(time[longest], values[longest])
@@ -319,7 +319,7 @@ def _check_output(name: str, column: str, values: FloatArray) -> None:
     sampled = values[~np.isnan(values)]
     if sampled.size < LEAST_SAMPLES:
         raise ExperimentError(
-            f"{name}: found {sampled.size} usable samples of {column}, expected at least {LEAST_SAMPLES}; "
+            f"{name}: usable samples of {column}: found {sampled.size}, expected at least {LEAST_SAMPLES}; "
             "is the recording too short, or are input and output from different times?"
         )
     if not np.all(np.isfinite(sampled)):

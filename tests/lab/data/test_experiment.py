@@ -54,7 +54,7 @@ BAD = {
         "play",
         recording(np.repeat(np.arange(9.0), 40) + np.tile(np.arange(40), 9) / RATE_HZ,
                   command=COMMAND[:360], accel=ACCEL[:360]),
-        "found 40 samples of command between two gaps at most, expected at least 50",
+        "samples of command between two gaps: found 40 at most, expected at least 50",
     ),
     "infinite command": (
         "play",
@@ -79,19 +79,19 @@ BAD = {
     "10 samples": (
         "play",
         recording(TIMES[:10], command=COMMAND[:10], accel=ACCEL[:10]),
-        "found 10 samples of command, expected at least 50; is the recording too short?",
+        "samples of command: found 10, expected at least 50; is the recording too short?",
     ),
     "10 samples without input": (
         "oscillator",
         recording(TIMES[:10], displacement=ACCEL[:10]),
-        "found 10 usable samples of displacement, expected at least 50; is the recording too short",
+        "usable samples of displacement: found 10, expected at least 50; is the recording too short",
     ),
     "input and output at different times": (
         "play",
         recording(
             command=changed(COMMAND, slice(400, None), np.nan), accel=changed(ACCEL, slice(None, 401), np.nan)
         ),
-        "found 0 usable samples of accel, expected at least 50",
+        "usable samples of accel: found 0, expected at least 50",
     ),
     "text for a number": (
         "servo",
