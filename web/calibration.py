@@ -13,7 +13,8 @@ import subprocess
 import tempfile
 import threading
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -55,7 +56,8 @@ class CalibrationError(LostmotionError):
 class State:
     """All that the page shows.  step: what is recorded now, "" for nothing; false_alarm: the rate that is to be
     promised; is_judging: whether settings and level are being computed; said: the last messages of a command or of the
-    service; trouble: what went wrong last; change, back: of the configuration."""
+    service; trouble: what went wrong last; change, back: of the configuration; bar: resonance [Hz] and damping in the
+    file, by joint."""
 
     joint: str = ""
     step: Step | Literal[""] = ""
@@ -68,6 +70,7 @@ class State:
     trouble: str = ""
     change: Change | None = None
     back: Change | None = None
+    bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 class Calibration:
@@ -281,9 +284,14 @@ class Calibration:
         try:
             file = self._file()
             change = file.change(self._new(file.text())) if self._oscillator or self._detector else None
-            return replace(self._state, change=change, back=file.change_back())
+            return replace(self._state, change=change, back=file.change_back(), bar=self._bars())
         except LostmotionError as error:
             return replace(self._state, trouble=self._state.trouble or str(error))
+
+    def _bars(self) -> dict[str, tuple[float, float]]:
+        config = self._site.config()
+        bars = {joint.name: config.accelerometer(joint.accelerometer).oscillator for joint in config.joints}
+        return {name: (bar.f_res_hz, bar.zeta) for name, bar in bars.items()}
 
     def _new(self, text: str) -> str:
         return edited(text, self._state.joint, self._oscillator, self._detector)

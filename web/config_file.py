@@ -65,7 +65,11 @@ def edited(text: str, joint: str, oscillator: Values, detector: Values) -> str:
 
 
 def _set(item: Any, table: str, values: Values) -> None:
-    item.setdefault(table, {}).update(values)
+    keys = item.setdefault(table, {})
+    is_spaced = hasattr(keys, "as_string") and keys.as_string().endswith(" }")
+    keys.update(values)
+    if is_spaced and not keys.as_string().endswith(" }"):  # the space before the brace is lost with a new key
+        keys.value.item(list(keys)[-1]).trivia.trail = " "
 
 
 class ConfigFile:

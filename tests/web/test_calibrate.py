@@ -77,6 +77,7 @@ def test_from_the_first_tap_to_the_file_and_back(
         assert violations(page) == []
         page.locator("#write").click()
         expect(page.locator("#said")).to_contain_text("The service has taken the configuration.")
+        expect(page.locator("#joint-words")).not_to_contain_text("f_res 61.5 Hz")
         service.wait_for("configuration taken")
         bar = configuration.load(config).accelerometer("tip").oscillator
         assert (bar.f_res_hz, bar.zeta) == (pytest.approx(F_RES_HZ, rel=2 * CLOCK), pytest.approx(ZETA, rel=0.02))
@@ -182,6 +183,7 @@ def test_lines_are_edited_and_the_others_stay(bar: str, detector: str) -> None:
     kept = [line for line in text.splitlines(keepends=True) if "f_res_hz" not in line and "level" not in line]
     assert [line for line in kept if line not in new] == []
     assert all(comment in new for comment in re.findall(r"# .*", text))
+    assert ("zeta = 0.0125 } # a guess" in new) == ("{" in bar)
 
 
 def test_only_what_was_seen_is_written(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ function draw({ taps, history }) {
   }, [taps.frequency, taps.amplitude], HEIGHT);
   const of = (key) => history.map((one) => one.f_res_hz[key]);
   chart(part("converge"), {
-    axes: [axis("taps"), axis("f_res (Hz)", { size: 64 })], scales: { x: { time: false } }, legend: { show: false },
+    axes: [axis("taps", { incrs: [1, 2, 5, 10, 20, 50] }), axis("f_res (Hz)", { size: 64 })], scales: { x: { time: false } }, legend: { show: false },
     series: [{}, line("f_res", "measured", { points: { show: true } }), line("low", "noise"), line("high", "noise")],
     bands: [{ series: [3, 2], fill: colour("band") }],
   }, [history.map((one) => one.taps), of("value"), of("low"), of("high")], HEIGHT);
@@ -91,6 +91,7 @@ function showAll(found) {
   for (const id of ["write", "forget", "undo"]) if (part(id)) part(id).disabled = Boolean(busy);
   write("trouble", found.trouble);
   show("trouble", found.trouble);
+  describe();
   showTaps(found);
   showMotion(found);
   showChange(found);
@@ -123,7 +124,8 @@ async function act(button, wish) {
 
 function describe() {
   const chosen = part("joint").selectedOptions[0];
-  if (chosen) write("joint-words", `accelerometer ${chosen.dataset.sensor}; in the file: f_res ${chosen.dataset.f} Hz, zeta ${chosen.dataset.zeta}`);
+  const [f, zeta] = state?.bar[chosen?.value] ?? [chosen?.dataset.f, chosen?.dataset.zeta];
+  if (chosen) write("joint-words", `accelerometer ${chosen.dataset.sensor}; in the file: f_res ${f} Hz, zeta ${zeta}`);
 }
 
 for (const button of document.querySelectorAll("[data-begin]")) {
