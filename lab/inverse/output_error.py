@@ -17,11 +17,14 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
+from scipy.optimize import brentq
 
+from lostmotion.lab.data.clipping import RANGE
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
 from lostmotion.lab.inverse.problem import HELD, by_recording
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
@@ -171,10 +174,11 @@ class OutputError:
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²].
 
-        An accelerometer has an offset, from gravity and its own: the least-squares one, the residual's mean, is removed
-        (variable projection).
+        An accelerometer has an offset, from gravity and its own: that for which the residual's mean is zero is removed
+        (variable projection).  What the sensor cuts off is the acceleration with the offset.
         """
-        parts = []
+        parts, limit = [], model.own(RANGE)["a_max"].value if RANGE in model.effects else np.inf
+        model = without(model, RANGE) if RANGE in model.effects else model
         for one, (zero, start) in zip(self.signals, self.starts(nuisance), strict=True):
             experiment = one.experiment
             own, measured = experiment.model(model), experiment.measured[one.column] + zero
@@ -184,9 +188,10 @@ class OutputError:
                 motion = run[one.column]
             except ModelError:
                 motion = np.full(experiment.time.size, np.inf)
-            left = (measured - motion)[~np.isnan(measured)]
-            has_offset = one.column == ACCEL and np.isfinite(left).all()
-            parts.append(left - left.mean() if has_offset else left)
+            seen = ~np.isnan(measured)
+            has_offset = one.column == ACCEL and np.isfinite(motion).all()
+            offset = _offset(measured[seen], motion[seen], limit) if has_offset else 0.0
+            parts.append(measured[seen] - np.clip(motion[seen] + offset, -limit, limit))
         return np.concatenate(parts)
 
     @property
@@ -277,6 +282,20 @@ def initial_state(model: Model, experiment: Experiment, start: FloatArray, free:
     names = [*(state.name for state in get_base(model.base).states), *free]
     given = {name: value for name, value in zip(names, start.tolist(), strict=True) if name in model.state_names}
     return model.initial_state(experiment.drive, float(experiment.time[0]), **given)
+
+
+def _offset(measured: FloatArray, motion: FloatArray, limit: float) -> float:
+    """The offset of a sensor for which the readings (N,) and the motion (N,) plus the offset, cut off at a limit, have
+    the same mean [m/s²]."""
+    if limit == np.inf:
+        return float(np.mean(measured - motion))
+
+    def missing(offset: float) -> float:
+        return float(np.mean(measured - np.clip(motion + offset, -limit, limit)))
+
+    most = limit + float(np.abs(motion).max())  # beyond it all readings are cut off
+    ends = missing(-most), missing(most)
+    return float(brentq(missing, -most, most)) if ends[0] > 0 > ends[1] else 0.0
 
 
 def _thinned(experiment: Experiment, every: int) -> Experiment:

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.clipping import clipping_level
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
@@ -234,15 +235,15 @@ class _LocalMotion:
 
 
 def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments; those of an accelerometer on an oscillator that rings down with
-    at least ``MODES`` modes beyond the band of the strongest one are filtered to this band, and a warning reports the
-    others."""
+    """The experiments; those of an accelerometer on an oscillator that rings down with at least ``MODES`` modes beyond
+    the band of the strongest one are filtered to this band, and a warning reports the others.  Readings that are cut
+    off at the end of the range are left as they are: their harmonics are no modes."""
     return tuple(_limited(one) if model.base == "oscillator" else one for one in experiments)
 
 
 def _limited(experiment: Experiment) -> Experiment:
     rate, values = experiment.rate_hz, experiment.measured.get(ACCEL)
-    if values is None or len(experiment.measured) > 1 or is_driven(experiment):
+    if values is None or len(experiment.measured) > 1 or is_driven(experiment) or clipping_level([experiment]):
         return experiment
     lines = spectral_lines(values, rate)
     cutoff = WHOLE * lines[0] if lines else np.inf

@@ -195,3 +195,20 @@ def test_dry_friction_and_drag_together(friction: float, tmp_path: Path) -> None
     if friction:
         assert answer["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(0.02 * friction, rel=0.05)
         assert answer["parameters"]["quadratic_damping.b2"][0] == pytest.approx(0.02 * drag, rel=0.05)
+
+
+@pytest.mark.parametrize(("range_ms2", "offset"), [(19.6, 0.0), (19.6, 9.81), (157.0, 9.81)])
+def test_a_struck_bar_beyond_the_range_of_its_accelerometer(range_ms2: float, offset: float, tmp_path: Path) -> None:
+    """The range is found to 0.1 %, and nothing beside it, also where the sensor feels gravity and one side is cut off
+    first.  The harmonics of what is cut off were taken for modes, and the offset for a drift."""
+    rng, times, taps = np.random.default_rng(4), np.arange(0.0, 1.2, 1 / 500), []
+    rate, ratio = 2 * np.pi * 12.0, 0.02
+    for number, strength in enumerate((2.2, 2.6, 3.0)):
+        swing = np.cos(rate * np.sqrt(1 - ratio**2) * times + rng.uniform(0, 6))
+        felt = strength * range_ms2 * np.exp(-ratio * rate * times) * swing + offset
+        noise = 0.01 * range_ms2 * rng.standard_normal(times.size)
+        taps.append(Recording(times, {"accel": np.clip(felt + noise, -range_ms2, range_ms2)}, name=f"tap{number}.csv"))
+    found = explained(tmp_path, 'base = "oscillator"\n', taps)
+    assert found["missing"] == ["sensor_saturation"]
+    assert found["complete"]
+    assert found["parameters"]["sensor_saturation.a_max"][0] == pytest.approx(range_ms2, rel=1e-3)
