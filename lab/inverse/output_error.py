@@ -30,7 +30,7 @@ from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["OutputError"]
+__all__ = ["OutputError", "offset_of"]
 
 FINEST = 1 / 8
 """Share of the step of the present model: the shortest step of a model with one more effect, which leaves room for dry
@@ -190,7 +190,7 @@ class OutputError:
                 motion = np.full(experiment.time.size, np.inf)
             seen = ~np.isnan(measured)
             has_offset = one.column == ACCEL and np.isfinite(motion).all()
-            offset = _offset(measured[seen], motion[seen], limit) if has_offset else 0.0
+            offset = offset_of(measured[seen], motion[seen], limit) if has_offset else 0.0
             parts.append(measured[seen] - np.clip(motion[seen] + offset, -limit, limit))
         return np.concatenate(parts)
 
@@ -284,7 +284,7 @@ def initial_state(model: Model, experiment: Experiment, start: FloatArray, free:
     return model.initial_state(experiment.drive, float(experiment.time[0]), **given)
 
 
-def _offset(measured: FloatArray, motion: FloatArray, limit: float) -> float:
+def offset_of(measured: FloatArray, motion: FloatArray, limit: float) -> float:
     """The offset of a sensor for which the readings (N,) and the motion (N,) plus the offset, cut off at a limit, have
     the same mean [m/s²]."""
     if limit == np.inf:
@@ -295,7 +295,9 @@ def _offset(measured: FloatArray, motion: FloatArray, limit: float) -> float:
 
     most = limit + float(np.abs(motion).max())  # beyond it all readings are cut off
     ends = missing(-most), missing(most)
-    return float(brentq(missing, -most, most)) if ends[0] > 0 > ends[1] else 0.0
+    if not ends[0] > 0 > ends[1]:
+        return 0.0
+    return float(brentq(missing, -most, most, disp=False))  # of a motion that is far off, the value need not be exact
 
 
 def _thinned(experiment: Experiment, every: int) -> Experiment:

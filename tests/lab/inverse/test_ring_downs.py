@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
+from lostmotion.lab.inverse.output_error import offset_of
 from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.selection.evidence import are_consistent
 from lostmotion.model import build_model
@@ -212,3 +213,12 @@ def test_a_struck_bar_beyond_the_range_of_its_accelerometer(range_ms2: float, of
     assert found["missing"] == ["sensor_saturation"]
     assert found["complete"]
     assert found["parameters"]["sensor_saturation.a_max"][0] == pytest.approx(range_ms2, rel=1e-3)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6, 1e200])
+def test_the_offset_of_readings_that_are_cut_off(size: float) -> None:
+    """It is found from a motion of the right size, and any motion has one, also one that a trial step made diverge."""
+    motion = 30.0 * np.sin(np.arange(400) / 7.0)
+    found = offset_of(np.clip(motion + 9.81, -19.6, 19.6), size * motion, 19.6)
+    assert np.isfinite(found)
+    assert size > 1 or found == pytest.approx(9.81)
