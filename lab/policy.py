@@ -48,7 +48,9 @@ has such a jump that comes back within five samples; pneumatic cylinders jump by
 LEAST_GAIN = 0.05
 """Share of the squared error, or of a cost, that an effect has to take to be named, however significant it is.  The
 effects known to be in the sets of ``bench.real`` take a quarter and more at their step.  Load-dependent friction that
-took 2 % of a TX40's error (p = 0.001) halved the estimates of viscous and Coulomb friction, which are published."""
+took 2 % of a TX40's error (p = 0.001) halved the estimates of viscous and Coulomb friction, which are published.  A fit
+to a simulated motion has to take it in its first few steps to be continued: effects that were named later had then
+taken 30 % or more (servos and oscillators of ``bench.real``), and with a thousandth instead the names are the same."""
 LEAST_SHARE = 1e-4
 """Share of the first model's squared error that an effect has to take: a hundredth of its amplitude.  On a robot's
 shoulder gravity and three kinds of friction left 1e-4; a ripple and a spring that took 7e-6 and -1e-5 of the error
@@ -66,21 +68,15 @@ LEAST_BLOCKS = 12
 ENOUGH_RECORDINGS = 2
 """With so many recordings of the fit or more the selection uses their folds alone.  A single one has too little
 motion for that: Coulomb friction that lowers the error on a pendulum's second recording from 0.28 to 0.10 N m had p
-= 0.96 by the first.  If the last recording always were a fold, nothing would be named for a servo (XL330) within the
-time."""
+= 0.96 by the first.  If the last recording always were a fold, nothing would be named for a servo (XL330), however long
+it is searched."""
 MOST_EFFECTS = 6
 """Largest number of effects that are added."""
-FIRSTS = 3
-"""Number of effects tried as the first of a pair: those that explain most alone."""
 FINISHED = 5
 """Effects that survive the first stage of successive halving: after a few steps of every fit to a simulated motion,
 in the search with observers, and by the score test.  A hidden effect was among the first three after the first
 generations of observers (docs/decisions/0009).  Half of the five are evolved to the end and fitted, as the hidden
 effect was first or second after the second generations of six searches (seed 905)."""
-LEAST_PROMISE = 1e-3
-"""Share of the squared error that an effect has to take in these few steps for its fit to be finished: effects that
-were named later had then taken 30 % or more (servos and oscillators of ``bench.real``), effects that stayed at zero
-less than 3e-4."""
 NEAR_REST = 0.5
 """Share of the usual speed: an effect near rest that reaches further cannot be distinguished from one of all speeds."""
 LEAST_PERIODS = 2.0

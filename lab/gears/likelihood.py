@@ -118,9 +118,9 @@ class ShortSegments:
         """See ``SegmentFit.floor``; short: the fit whose model is used."""
         return max(unfitted(short.model, some_tiles(self.task), self.task).typical, 1.0)
 
-    def firsts(self, added: tuple[str, ...]) -> int:
-        """One, as a step takes up to a minute."""
-        return 1
+    def tries_pairs(self, added: tuple[str, ...]) -> bool:
+        """Always."""
+        return True
 
     def opposed(self, now: SegmentFit) -> Sequence[str]:
         """None, as gears are driven."""

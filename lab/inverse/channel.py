@@ -30,7 +30,8 @@ __all__ = ["Channel"]
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 """Ends of the band that are tried, as shares of the widest band in which the angle exceeds its noise, highest first."""
 BLOCKS = 20
-"""Number of parts of the recordings that count as independent."""
+"""Number of parts of the recordings that count as independent.  With twelve, as in the search, a delay of 0.8 ms was
+found in a simulated joint that has none, and the inertia at a screw was 4.7e-4 instead of 2.7e-3 kg m²."""
 LONGEST, DELAYS = 0.25, 41
 """Longest delay that is tried, in periods of the end of the band, as a torque beyond a quarter of a period leads
 instead of following; and the number of delays that are tried."""

@@ -119,10 +119,9 @@ class WholeMotion:
     is_held_out: bool = False
     is_whitened: bool = False
 
-    def firsts(self, added: tuple[str, ...]) -> int:
-        """``policy.FIRSTS``; where a motion is simulated one, and none once an effect was added, as fits take
-        seconds."""
-        return policy.FIRSTS if self.method is Method.TORQUE else int(not added)
+    def tries_pairs(self, added: tuple[str, ...]) -> bool:
+        """Whether no motion is simulated, or no effect was added, as fits to a simulated motion take seconds."""
+        return self.method is Method.TORQUE or not added
 
     @property
     def turns(self) -> float:
@@ -182,9 +181,10 @@ class WholeMotion:
         return begun, {name: now.rms * fit.rms / inverse.rms for name, fit in begun.items()} if is_known else {}
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
-        """The fits of a few steps, best first, those of them that may be named continued to the end."""
+        """The fits of a few steps, best first; those that take enough of the error for a name already are continued to
+        the end."""
         fits = sorted(fits, key=lambda one: one[1].rms)
-        least = math.sqrt(1 - policy.LEAST_PROMISE) * now.rms
+        least = math.sqrt(1 - policy.LEAST_GAIN) * now.rms
         many = min(sum(fit.rms < least for _, fit in fits), policy.FINISHED)
         finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), fits[:many])]
         return [*finished, *fits[len(finished) :]]
@@ -295,8 +295,8 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
             is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
-            data = replace(OutputError.of([unseen], known), is_anchored=is_part)
-            return regressed(known, data.no_finer(fit.data))
+            data = OutputError.of([unseen], known, fit.data.substep_s)
+            return regressed(known, replace(data, is_anchored=is_part))
         colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
         return regressed(
             known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)

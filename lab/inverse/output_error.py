@@ -68,9 +68,9 @@ class OutputError:
     """Whether the zero of the first recording is that of the model; see ``problem.InverseModel``."""
 
     @classmethod
-    def of(cls, signals: Sequence[Signals], model: Model) -> OutputError:
-        """The problem with the integration step that this model needs, without the time after a joint has come to
-        rest."""
+    def of(cls, signals: Sequence[Signals], model: Model, substep_s: float = 0.0) -> OutputError:
+        """The problem with this integration step [s], by default the one that the model needs, without the time after a
+        joint has come to rest."""
         parts = [_until_rest(one) for one in signals]
         surplus = sum(part.time.size for part in parts) // MOST_SAMPLES
         moving = tuple(
@@ -78,7 +78,7 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         experiments = [one.experiment for one in moving]
-        step = _coarse_substep(model, moving)
+        step = substep_s or _coarse_substep(model, moving)
         return cls(moving, step, model, free_states(model, any(map(is_driven, experiments))))
 
     def first(self, share: float) -> OutputError:
@@ -229,11 +229,6 @@ class OutputError:
                 break
             data, here = finer, there
         return data
-
-    def no_finer(self, other: OutputError) -> OutputError:
-        """The problem with an integration step of at least ``FINEST`` of that of other recordings.  With a model that
-        is far off, a pendulum that a fit made spin, a single simulation took minutes."""
-        return replace(self, substep_s=max(self.substep_s, FINEST * other.substep_s))
 
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the filtered motion's deviation from its mean over whole recordings, also at rest, in the

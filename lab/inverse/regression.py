@@ -100,7 +100,7 @@ class Regression:
         for _ in range(REFITS):
             damped = curvature + damping * np.diag(np.diag(curvature))
             trial = self._bounded(damped, slopes.T @ residual[inside] + variance * change, change)
-            error = self._at(self._here + trial)
+            error = self.data.residual(*self._values(self._here + trial))
             with np.errstate(over="ignore"):  # a trial step may be far off
                 price = float(np.sum(error[inside] ** 2) + variance * trial @ trial)
             if price < cost:
@@ -146,10 +146,6 @@ class Regression:
             fixed[outside] = (np.clip(at, low, high) - self._here - change)[outside]
             held |= outside
         return np.asarray(change + step)
-
-    def _at(self, values: FloatArray) -> FloatArray:
-        """The residual (M,) at these values of what a refit changes."""
-        return self.data.residual(*self._values(values))
 
     def _values(self, values: FloatArray) -> tuple[Model, FloatArray]:
         """The model and the nuisance parameters (E,) at these values of what a refit changes, within their bounds."""

@@ -11,7 +11,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import Progress, is_over
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion, is_disturbed
-from lostmotion.lab.inverse.regression import Regression, blocks_of
+from lostmotion.lab.inverse.regression import blocks_of
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Selection, selected
@@ -28,7 +28,8 @@ def searched(
 
     The delay is estimated before any effect is known, and an effect that the model lacks may look like one: a ripple of
     ten a turn, of a simulated joint, like a delay of 20 ms, beside which it had p = 1.  Without the delay it leaves the
-    noise.
+    noise.  Predictions are better by as much and as significantly as an effect has to make them: with two effects and a
+    delay of 3.5 ms a motor was predicted as well as with three effects and none (p = 0.1).
     """
 
     def likelihood(channel: Channel, *, is_whitened: bool = False) -> WholeMotion:
@@ -41,16 +42,10 @@ def searched(
     if channel.delay_s and not is_over():
         undelayed = replace(channel, delay_s=0.0)
         other = selected(less := likelihood(undelayed), progress)
-        if _predicts_better(other.fits[-1].judged, found.fits[-1].judged):
+        one, two = other.fits[-1].judged, found.fits[-1].judged
+        if Predictions(two.predicted**2, one.predicted**2, blocks_of(one)).is_better():
             channel, own, found = undelayed, less, other
     if is_disturbed(found.fits[-1].inverse):
         found = selected(own := likelihood(channel, is_whitened=True), progress, found)
     assert own.unseen
     return channel, own.unseen, found
-
-
-def _predicts_better(one: Regression, other: Regression) -> bool:
-    """Whether the cross-validated errors of a fit are less than those of another one, by as much and as significantly
-    as an effect has to reduce them.  With two effects and a delay of 3.5 ms a motor was predicted as well as with three
-    effects and none (p = 0.1)."""
-    return Predictions(other.predicted**2, one.predicted**2, blocks_of(one)).is_better()

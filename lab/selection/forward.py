@@ -69,8 +69,8 @@ class Likelihood(Protocol[F]):
         """Fits with one more effect, in batches: a later one is asked for only where none before is accepted.  only:
         the effects that are asked for, all for ()."""
 
-    def firsts(self, added: tuple[str, ...]) -> int:
-        """How many effects are tried as the first of a pair."""
+    def tries_pairs(self, added: tuple[str, ...]) -> bool:
+        """Whether a pair is tried where no single effect is accepted."""
 
     def opposed(self, now: F) -> Sequence[str]:
         """Two effects that are tried as a pair, () for none: see ``nesting.around``."""
@@ -246,17 +246,18 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
 
     With gravity, viscous and Coulomb friction the first one added leaves the other two confounded (UR10e, joint 4); one
     of two effects of gears leaves the impacts wrong.  A pair is tested against neither effect, corrected for all pairs,
-    and against each effect alone.  What explains most of what proposes candidates comes first: gravity without damping
-    is out of phase after some swings, and predicts nothing.  Dry friction and drag together damp as viscous friction
-    does: beside it neither explains anything.
+    and against each effect alone.  What explains most of what proposes candidates comes first, of equals the one that
+    is ``_preferred``: gravity without damping is out of phase after some swings, and predicts nothing.  Dry friction
+    and drag together damp as viscous friction does: beside it neither explains anything.
     """
     alone = {one.effect: one for one in step_alone.judged}
     pairs = len(alone) * (len(alone) - 1) / 2
-    least = math.sqrt(1 - policy.LEAST_GAIN) * now.screened
-    promising = [one for one in step_alone.judged if one.fit.screened < least]
-    promising.sort(key=lambda one: one.fit.screened)
+    less = math.sqrt(1 - policy.LEAST_GAIN)
+    best = min((one.fit.screened for one in alone.values()), default=math.inf)
+    promising = [one for one in alone.values() if less * one.fit.screened <= best < less * now.screened]
+    promising.sort(key=lambda one: (*_preferred(one, likelihood.turns), one.fit.screened))
     found: list[list[Step[F]]] = []
-    tries: list[tuple[Candidate[F], Sequence[str]]] = [(one, ()) for one in promising[: likelihood.firsts(added)]]
+    tries: list[tuple[Candidate[F], Sequence[str]]] = [(one, ()) for one in promising[: likelihood.tries_pairs(added)]]
     if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
         tries.append((alone[opposed[0]], opposed[1:]))
     for begun, only in tries:
@@ -272,18 +273,7 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
             rest = (one for one in step_alone.judged if one.effect != first.effect)
             alone_first = Step((first, *rest), untried=step_alone.untried)
             found.append([alone_first, replace(second, judged=(both, *second.judged[1:]))])
-    return _of_pairs(found, likelihood.turns) if found else []
-
-
-def _of_pairs(found: Sequence[list[Step[F]]], turns: float) -> list[Step[F]]:
-    """Of several pairs the one that explains most; of those that explain as much, as the weight of an arm and a torque
-    that ripples once a turn, beside the same friction, the one whose first effect is ``_preferred``."""
-    error = {id(two): two[1].judged[0].fit.rms ** 2 for two in found}
-    best = [two for two in found if error[id(two)] * (1 - policy.LEAST_GAIN) <= min(error.values())]
-    two = min(best, key=lambda two: (*_preferred(two[0].judged[0], turns), error[id(two)]))
-    named, second = (step.judged[0].effect for step in two)
-    alike = [one[0].judged[0].effect for one in best if one[1].judged[0].effect == second]
-    return [replace(two[0], confusable=tuple(name for name in alike if name != named)), two[1]]
+    return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
 
 
 def _eliminated(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:

@@ -62,9 +62,9 @@ class Columns:
         """Without any column."""
         return self.fit([])
 
-    def firsts(self, added: tuple[str, ...]) -> int:
-        """Three."""
-        return 3
+    def tries_pairs(self, added: tuple[str, ...]) -> bool:
+        """Always."""
+        return True
 
     def opposed(self, now: Regressed) -> Sequence[str]:
         """None."""
