@@ -41,8 +41,11 @@ def correlation(residual: FloatArray) -> float:
 
 
 def chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
-    """The p-value of the t-test of the mean logarithm of two models' squared errors (M,), block (M,) by block."""
+    """The p-value of the t-test of the mean logarithm of two models' squared errors (M,), block (M,) by block; 1 where
+    there is one block only."""
     ratio = _log_ratios(before, after, block)
+    if ratio.size < 2:
+        return 1.0
     spread = float(ratio.std(ddof=1)) / np.sqrt(ratio.size)
     return float(stdtr(ratio.size - 1, -ratio.mean() / max(spread, 1e-12)))
 
@@ -61,6 +64,8 @@ def family_wise(
     """
     ratios = np.array([_log_ratios(before, after, block) for before, after in errors])
     blocks = ratios.shape[1]
+    if blocks < 2:
+        return 1.0
     rng = np.random.default_rng(0)
     drawn = (rng.choice((-1.0, 1.0), (SIGNS // 16, blocks)) for _ in range(16))  # 3000 blocks take 6 MB at once
     mean = np.concatenate([signs @ ratios.T for signs in drawn]) / blocks

@@ -29,9 +29,9 @@ from lostmotion.lab.inverse.candidates import (
     fitted_with,
     refined,
     starts,
-    turns_of,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
+from lostmotion.lab.inverse.first_values import turns_of
 from lostmotion.lab.inverse.free_motion import continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem

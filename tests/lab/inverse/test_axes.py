@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data.blocks import chance
+from lostmotion.lab.data.blocks import chance, family_wise
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
@@ -105,6 +105,13 @@ def test_blocks_of_noise_alone_do_not_outvote_the_others() -> None:
     quiet, loud = np.full(90, 1e-6), np.full(30, 100.0)
     one, other = np.concatenate([quiet, loud]), np.concatenate([1e-3 * quiet, 10 * loud])
     assert chance(one, other, np.repeat(np.arange(12), 10)) > 0.5
+
+
+def test_one_block_tells_nothing() -> None:
+    """A single block has no scatter to compare its difference with."""
+    one, other, block = np.full(10, 1.0), np.full(10, 0.5), np.zeros(10, dtype=int)
+    assert chance(one, other, block) == 1.0
+    assert family_wise([(one, other)], [1.0], block, 0.05) == 1.0
 
 
 @pytest.mark.slow

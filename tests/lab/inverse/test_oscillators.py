@@ -12,8 +12,8 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments, with_one_column
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import with_free_states
-from lostmotion.lab.inverse.candidates import _covers
 from lostmotion.lab.inverse.effect_sizes import is_sized
+from lostmotion.lab.inverse.first_values import _covers
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed

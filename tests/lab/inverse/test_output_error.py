@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench.driven_motions import Case
 from bench.driven_systems import Law, Servo
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
@@ -20,7 +21,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab import experiments
 from lostmotion.lab.data.supply import of_voltage
-from lostmotion.lab.inverse.candidates import SHORT, refined
+from lostmotion.lab.inverse.candidates import SHORT, fitted_with, refined
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -287,3 +288,18 @@ def test_a_fit_goes_on_until_it_ends() -> None:
     fit = refined(regressed(model, OutputError.of(signals, model), None, SHORT))
     assert fit.rms == pytest.approx(2.5e-4, rel=0.1)
     assert fit.model.parameters["actuator_lag.T"].value == pytest.approx(0.0418, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_lag_is_not_taken_for_another_pole_of_the_servo() -> None:
+    """A lag of 36 ms before a servo that responds in 24 ms: inertia and damping of the fit without it have absorbed it,
+    and with it a fit from small lags ends at 19 ms."""
+    recorded = Case("servo", "actuator_lag", 2400).recordings()[:2]
+    model = build_model("servo", ["viscous_friction"])
+    signals = [Signals.of(one, is_force=False) for one in experiments(model, recorded)]
+    now = regressed(model, OutputError.of(signals, model))
+    candidate = fitted_with(("actuator_lag", model.with_effect("actuator_lag")), now, {})
+    assert candidate
+    fit = refined(candidate)
+    assert fit.model.parameters["actuator_lag.T"].value == pytest.approx(0.0359, rel=0.03)
+    assert fit.rms == pytest.approx(2.5e-4, rel=0.05)
