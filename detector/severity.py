@@ -26,6 +26,7 @@ import numpy as np
 
 from lostmotion.detector.motion_likelihood import GRID, STEPS, motion_log_likelihood
 from lostmotion.detector.play_size import LEAST_RATE
+from lostmotion.detector.pooling import Z
 from lostmotion.detector.quality import IMPLAUSIBLE, mended
 from lostmotion.detector.ring_speed import speed_of_impact
 from lostmotion.detector.servo import UNKNOWN, ServoLaw
@@ -148,7 +149,7 @@ def _size_density(play: tuple[float, float, float]) -> FloatArray | None:
     size, low, high = play
     if not math.isfinite(size):
         return None
-    deviation = np.where(size > GRID, size - low, high - size) / 1.959964
+    deviation = np.where(size > GRID, size - low, high - size) / Z
     density = GRID * np.exp(-(((GRID - size) / deviation) ** 2) / 2)
     whole = float(density.sum())
     return density / whole if whole > 0 else None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.oscillator_id import LOWEST_HZ, Oscillator, identify
+from lostmotion.detector.pooling import Z
 from lostmotion.detector.window import FloatArray
 
 __all__ = ["Calibrated", "Estimate", "TapRecording", "find_taps", "pooled", "true_frequency"]
@@ -38,8 +39,6 @@ SILENT, TAIL = 1.5, 8
 """A ring-down ends at so many times the noise floor; twice its length and so many blocks are used."""
 QUIET = 0.3
 """Share of the quietest blocks, from which noise and hum are estimated."""
-Z = 1.959964
-"""97.5 % quantile of the normal distribution."""
 NEAR_NYQUIST = 0.9
 LEAST_ZETA = 1e-3
 """Least damping of a clamped bar with a sensor: an estimate below it is residual hum."""
@@ -301,9 +300,8 @@ def _is_steady(t: FloatArray, values: FloatArray, frequency_hz: float) -> bool:
     each, image = (
         np.array([part.mean() for part in np.array_split(one, PARTS)]) for one in (turn * values, turn * turn)
     )
-    design, seen = np.column_stack([1 + image, 1j * (1 - image)]).view(np.float64), each.view(np.float64)
-    design = np.concatenate([design[:, ::2], design[:, 1::2]])
-    seen = np.concatenate([seen[::2], seen[1::2]])
+    parts = np.column_stack([1 + image, 1j * (1 - image)])
+    design, seen = (np.concatenate([one.real, one.imag]) for one in (parts, each))
     explained = float(np.sum((np.linalg.qr(design)[0].T @ seen) ** 2))
     return bool(explained > SIGNIFICANT**2 * (float(seen @ seen) - explained) / (seen.size - 2))
 

@@ -56,7 +56,7 @@ def explain(
     """
     method = method_of(model, experiments)
     progress("compiling the model, once on a machine", 0.0)
-    compile_kernels(model, others(model), experiments[0])
+    compile_kernels(model, others(model), experiments[0], in_segments=method is None)
     experiments = released(band_limited(model, with_one_column(experiments))) if method else experiments
     noise = noise_of(experiments)
     train, last = _split(experiments, method is not None)

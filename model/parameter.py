@@ -85,6 +85,10 @@ class Parameter:
                 f"the unit is {unit!r}, expected {repr(self.unit) if self.unit else 'none'}; values are in SI units"
             )
 
+    def clipped(self, value: float) -> float:
+        """The value within the bounds."""
+        return min(max(value, self.low), self.high)
+
     def updated(self, given: float | Parameter) -> Parameter:
         """This parameter with a new value (bounds widen to hold it), or with all that a given Parameter states.
 

@@ -72,7 +72,7 @@ def with_bar_frequency(model: Model, experiments: Sequence[Experiment]) -> Model
     rough = math.sqrt(k.value / m) / (2 * math.pi)
     lines = [ringing_hz(e, rough * (1 - FREQUENCY_SHARE), rough * (1 + FREQUENCY_SHARE)) for e in ringing]
     stiffness = m * (2 * math.pi * float(np.median(lines))) ** 2
-    return model.replace({"k": min(max(stiffness, k.low), k.high)})
+    return model.replace({"k": k.clipped(stiffness)})
 
 
 def some_tiles(task: Task) -> list[Experiment]:
@@ -240,6 +240,5 @@ def _grid(model: Model) -> list[Model]:
     plays = PLAY_SHARE if "d" in free else (1.0,)
     dampings = DAMPING_SHARE if "alpha" in free else (1.0,)
     d, alpha = model.parameters["d"], model.parameters["alpha"]
-    values = {(min(max(d.value * a, d.low), d.high), min(max(alpha.value * b, alpha.low), alpha.high))
-              for a in plays for b in dampings}  # fmt: skip
+    values = {(d.clipped(d.value * a), alpha.clipped(alpha.value * b)) for a in plays for b in dampings}
     return [model.replace({"d": value, "alpha": damping}) for value, damping in sorted(values)]

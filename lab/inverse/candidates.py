@@ -14,12 +14,12 @@ import numpy as np
 from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.fitting.identifiability import held, is_driven, with_free_states
-from lostmotion.lab.inverse.first_values import evaluated, turns_of, within_bounds
+from lostmotion.lab.fitting.identifiability import held, with_free_states
+from lostmotion.lab.inverse.first_values import evaluated, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
-from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.signals import Signals, are_driven
 from lostmotion.lab.inverse.torques import follows_motion, inertia_of, simulable, softened
 from lostmotion.lab.selection.evidence import are_consistent
 from lostmotion.lab.selection.nesting import others, wider
@@ -75,7 +75,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         [getattr(one, what) for one in signals] for what in ("position", "velocity", "acceleration")
     )
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
-    is_moved = any(is_driven(one.experiment) for one in signals)
+    is_moved = are_driven(signals)
     torque = (
         data.signal_rms(model)
         if isinstance(data, InverseModel)
@@ -104,7 +104,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
     is a candidate in its place.
     """
     is_simulated = isinstance(data, OutputError)
-    is_moved = any(is_driven(one.experiment) for one in data.signals)
+    is_moved = are_driven(data.signals)
     is_linear = any(one.experiment.is_linear for one in data.signals)
     nested = dict(found for part in added if (found := wider(model, part)))
     for name in others(model):
@@ -143,7 +143,8 @@ def fitted_with(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Re
         _fitted_from_guesses(name, model, now),
         _fitted_behind_command(name, model, now, now.data),
     ]
-    return min((one for one in fits if one), key=lambda one: one.rms, default=None)
+    apt = (one for one in fits if one and are_consistent(one.model, [name]))
+    return min(apt, key=lambda one: one.rms, default=None)
 
 
 def fitted_by_acceleration(wide: tuple[str, Model], inverse: Regression) -> Regression | None:
@@ -179,8 +180,7 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Re
         return None
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
     start = _with_values(wide, begun.model).replace(own)
-    fit = _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
-    return fit if fit and are_consistent(fit.model, [name]) else None
+    return _tried(start, now.data.suited([start]), now.data.nuisance, SHORT)
 
 
 def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
@@ -196,11 +196,10 @@ def _fitted_behind_command(name: str, wide: Model, now: Regression, data: Output
     lateness = [np.sum((one.driving - one.position) * one.velocity) for one in data.signals]
     trail = float(sum(lateness) / sum(np.sum(one.velocity**2) for one in data.signals))
     full = f"{name}.{effect.delays_by}"
-    late = wide.replace({full: within_bounds(wide, full, TRAILS * trail)})
+    late = wide.replace({full: wide.parameters[full].clipped(TRAILS * trail)})
     suited = data.suited([late])
     begun = _tried(held(late, [full]), suited, suited.begun(late, now.nuisance), SHORT)
-    fit = begun and _tried(begun.model.replace({full: late.parameters[full]}), suited, begun.nuisance, SHORT)
-    return fit if fit and are_consistent(fit.model, [name]) else None
+    return begun and _tried(begun.model.replace({full: late.parameters[full]}), suited, begun.nuisance, SHORT)
 
 
 def _follow_motion(model: Model) -> bool:

@@ -22,7 +22,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["evaluated", "turns_of", "within_bounds"]
+__all__ = ["evaluated", "turns_of"]
 
 ANGLES = 6
 """Zero angles of an encoder that are tried in a period of an effect: one of them is at most 30 degrees of phase off."""
@@ -86,7 +86,7 @@ def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem
     """The model with the largest share of the linearly extrapolated amplitudes with which the error is smaller than
     without the effect, so that the fit can descend; sizes: the amplitudes by name."""
     for part in PARTS:
-        sized = start.replace({name: within_bounds(start, name, part * value) for name, value in sizes.items()})
+        sized = start.replace({name: start.parameters[name].clipped(part * value) for name, value in sizes.items()})
         residual = data.residual(sized, beside)
         if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
             break
@@ -124,9 +124,3 @@ def _travel(signals: Signals, fastest: float) -> float:
 def turns_of(signals: Sequence[Signals]) -> float:
     """The largest number of turns that the motion of a recording covers."""
     return max(float(np.ptp(one.position)) for one in signals) / math.tau
-
-
-def within_bounds(model: Model, name: str, value: float) -> float:
-    """The value of a parameter within its bounds."""
-    parameter = model.parameters[name]
-    return min(max(value, parameter.low), parameter.high)

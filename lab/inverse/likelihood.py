@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
-from lostmotion.lab.fitting.identifiability import held, is_driven, with_free_states
+from lostmotion.lab.fitting.identifiability import held, with_free_states
 from lostmotion.lab.inverse.candidates import (
     SHORT,
     by_acceleration,
@@ -36,7 +36,7 @@ from lostmotion.lab.inverse.free_motion import continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
-from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.signals import Signals, are_driven
 from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
@@ -131,7 +131,7 @@ class WholeMotion:
     @property
     def is_moved(self) -> bool:
         """Whether an input drives the motion."""
-        return any(is_driven(one.experiment) for one in self.signals)
+        return are_driven(self.signals)
 
     def first(self) -> Fitted:
         """The fit of the model as it is."""

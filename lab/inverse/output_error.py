@@ -23,7 +23,7 @@ from lostmotion.lab.data.clipping import RANGE
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.fitting.identifiability import free_states, is_driven
 from lostmotion.lab.inverse.problem import HELD, by_recording
-from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.signals import Signals, are_driven
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
@@ -77,9 +77,8 @@ class OutputError:
             replace(one, experiment=_thinned(part, min(surplus, int(part.rate_hz / one.band_hz / PER_PERIOD))))
             for one, part in zip(signals, parts, strict=True)
         )
-        experiments = [one.experiment for one in moving]
         step = substep_s or _coarse_substep(model, moving)
-        return cls(moving, step, model, free_states(model, any(map(is_driven, experiments))))
+        return cls(moving, step, model, free_states(model, are_driven(moving)))
 
     def first(self, share: float) -> OutputError:
         """The problem for the first part of each recording; share: of its duration."""
@@ -206,12 +205,12 @@ class OutputError:
     def suited(self, models: Sequence[Model]) -> OutputError:
         """The problem with an integration step that these models need as well, but at least ``FINEST`` of the present
         one, and with their free states."""
-        experiments, needed = [one.experiment for one in self.signals], math.inf
+        needed = math.inf
         for one in models:
             with suppress(ModelError):  # a guess that diverges is skipped
                 needed = min(needed, _coarse_substep(one, self.signals))
         step = min(self.substep_s, max(needed, FINEST * self.substep_s))
-        is_moved = any(map(is_driven, experiments))
+        is_moved = are_driven(self.signals)
         names = [name for one in models for name in free_states(one, is_moved)]
         return replace(self, substep_s=step, free=tuple(dict.fromkeys([*self.free, *names])))
 
@@ -219,7 +218,7 @@ class OutputError:
         """The problem with the longest integration step (of repeated halvings) whose halving changes the residual of a
         free motion by less than the share ``RESOLVED``.  With the step of a search, a mass that dry friction stops had
         1.4 times the noise left, and a second mode was named."""
-        if any(is_driven(one.experiment) for one in self.signals):
+        if are_driven(self.signals):
             return self
         data, here = self, self.residual(model, nuisance)
         for _ in range(HALVINGS):
@@ -261,7 +260,7 @@ def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
     try:
         return coarse_substep(model, [one.experiment for one in signals], STEPS)
     except ModelError:
-        if any(is_driven(one.experiment) for one in signals):
+        if are_driven(signals):
             raise
     steps = []
     for one in signals:

@@ -13,8 +13,9 @@ from lostmotion.model import Model, ModelError
 __all__ = ["compile_kernels"]
 
 
-def compile_kernels(model: Model, effects: Sequence[str], experiment: Experiment) -> None:
-    """Compiles the kernels of a model and of these effects, and the integrators.
+def compile_kernels(model: Model, effects: Sequence[str], experiment: Experiment, in_segments: bool) -> None:
+    """Compiles the kernels of a model and of these effects, and the integrator; in_segments: also what simulates short
+    segments and observers.
 
     numba keeps them on disk.  On a machine without them this takes about 10 s of processor time, which a search of a
     servo within 60 s lacked; else some milliseconds.
@@ -27,5 +28,6 @@ def compile_kernels(model: Model, effects: Sequence[str], experiment: Experiment
     with suppress(ModelError):  # a search says what the model cannot do
         start = own.initial_state(drive, float(time[0]))
         step = own.simulate(drive, time, start).substep_s
-        own.prepare(drive, time, [column], experiment.clock_zero)(start[None], step)
-        own.observer(drive, time, column, experiment.clock_zero)(start, np.zeros(start.size), reading, step)
+        if in_segments:
+            own.prepare(drive, time, [column], experiment.clock_zero)(start[None], step)
+            own.observer(drive, time, column, experiment.clock_zero)(start, np.zeros(start.size), reading, step)

@@ -107,7 +107,7 @@ def _with_bias(model: Model, task: Task) -> Model:
     if bias.fixed:
         return model
     mean = float(np.mean([np.nanmean(e.measured[ACCEL]) for e in task.experiments]))
-    return model.replace({"bias": min(max(mean, bias.low), bias.high)})
+    return model.replace({"bias": bias.clipped(mean)})
 
 
 class _Population:
@@ -179,8 +179,8 @@ class _Population:
             return model
         values = {name: model.parameters[name] for name in self._whole}
         steps = self._random.integers(-FARTHEST, FARTHEST + 1, len(values))
-        return model.replace({name: min(max(p.value + step, p.low), p.high)
-                              for (name, p), step in zip(values.items(), steps, strict=True)})  # fmt: skip
+        changed = zip(values.items(), steps, strict=True)
+        return model.replace({name: p.clipped(p.value + step) for (name, p), step in changed})
 
     def _cost(self, model: Model, z: FloatArray, most: float = math.inf) -> float:
         return self._follower.cost(self._unknowns.put(model, z), self._coupling, most)

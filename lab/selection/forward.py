@@ -255,9 +255,11 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     less = math.sqrt(1 - policy.LEAST_GAIN)
     best = min((one.fit.screened for one in alone.values()), default=math.inf)
     promising = [one for one in alone.values() if less * one.fit.screened <= best < less * now.screened]
-    promising.sort(key=lambda one: (*_preferred(one, likelihood.turns), one.fit.screened))
     found: list[list[Step[F]]] = []
-    tries: list[tuple[Candidate[F], Sequence[str]]] = [(one, ()) for one in promising[: likelihood.tries_pairs(added)]]
+    tries: list[tuple[Candidate[F], Sequence[str]]] = []
+    if promising and likelihood.tries_pairs(added):
+        leading = min(promising, key=lambda one: (*_preferred(one, likelihood.turns), one.fit.screened))
+        tries.append((leading, ()))
     if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
         tries.append((alone[opposed[0]], opposed[1:]))
     for begun, only in tries:

@@ -110,7 +110,7 @@ def _within(model: Model, values: Values) -> Values:
     for name, value in values.items():
         p = model.parameters[name]
         if not p.fixed or p.domain is Domain.WHOLE or _is_default_zero(name, model):
-            kept[name] = min(max(value, p.low), p.high)
+            kept[name] = p.clipped(value)
     return kept
 
 

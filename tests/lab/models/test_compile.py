@@ -30,7 +30,7 @@ class Listener(event.Listener):
 
 event.register("numba:compile", Listener())
 kept = explanation.compile_kernels
-explanation.compile_kernels = lambda *given: (kept(*given), ready.append(True))
+explanation.compile_kernels = lambda *given, **how: (kept(*given, **how), ready.append(True))
 times = np.arange(0.0, 3.0, 0.02)
 columns = {"command": 0.5 * np.sin(4 * times), "position": 0.45 * np.sin(4 * times - 0.2)}
 with open_executor("threads:1") as pool:
