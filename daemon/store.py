@@ -14,6 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import IO
 
@@ -231,7 +232,7 @@ class Store:
         self._writer, self._file, self.damage = None, None, None
         database.leave(self.path, damage, self._wal)
         self._unlock_inode()
-        while self.waiting() and self._flush(self._rows) and self._flush(self._windows):
+        while self.waiting() and self._flush_all():
             pass
 
     def _open(self) -> Writer:
@@ -277,7 +278,7 @@ class Store:
                 closing = self._closing
             if closing and not self.waiting():
                 return
-            if not (self._flush(self._rows) and self._flush(self._windows)):
+            if not self._flush_all():
                 if closing:
                     return
                 with self._wake:
@@ -295,10 +296,18 @@ class Store:
             is_damage = not isinstance(error, MemoryError) and database.is_damage(error)
             self.damage = error if is_damage else None
 
-    def _flush(self, queue: deque[Row]) -> bool:
-        """Commits the oldest rows of a queue; on failure they go back to its head."""
+    def _flush_all(self) -> bool:
+        """Commits the oldest rows with the oldest raw windows, which cost a second transaction otherwise; after a disk
+        has refused, rows first: one that is nearly full takes them still."""
+        if not self.problem and self._windows:
+            return self._flush(self._rows, self._windows)
+        return self._flush(self._rows) and self._flush(self._windows)
+
+    def _flush(self, *queues: deque[Row]) -> bool:
+        """Commits the oldest rows of each queue in one transaction; on failure they go back to its head."""
         with self._wake:
-            batch = [queue.popleft() for _ in range(min(len(queue), BATCH))]
+            taken = [[queue.popleft() for _ in range(min(len(queue), BATCH))] for queue in queues]
+            batch = list(chain.from_iterable(taken))
             self._in_flight = len(batch)
         if not batch and self._policy == self._written:
             return True
@@ -308,7 +317,8 @@ class Store:
         with self._wake:
             self._in_flight = 0
             if problem:
-                queue.extendleft(reversed(batch))
+                for queue, rows in zip(queues, taken, strict=True):
+                    queue.extendleft(reversed(rows))
                 self._trim()
             self._settle(list(self._unsettled) if problem else batch)
         return not problem

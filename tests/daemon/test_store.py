@@ -407,6 +407,28 @@ def test_a_disk_that_takes_scores_and_no_windows_is_told_once(
     assert [caplog.text.count(words) for words in ("wait in memory", "written again")] == [1, 1]
 
 
+def test_scores_and_raw_windows_are_committed_together(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One transaction, not two; after the disk has refused one, the scores come first."""
+    commit, batches = Writer.commit, []
+    refused = iter([True, False, False, False])
+
+    def counted(writer: Writer, rows: Sequence[Row], policy: Policy) -> None:
+        batches.append({type(row) for row in rows})
+        if next(refused):
+            raise sqlite3.OperationalError("database or disk is full")
+        commit(writer, rows, policy)
+
+    monkeypatch.setattr(storing, "RETRY_S", 0.01)
+    with closing(Store(path, "arm1")) as store:
+        monkeypatch.setattr(Writer, "commit", counted)
+        for expected in ([{ScoreRow, WindowRow}, {ScoreRow}, {WindowRow}], [{ScoreRow, WindowRow}]):
+            batches.clear()
+            store.add(FULL, raw_window(0, impact=True))
+            wait_until(lambda: not store.waiting())
+            assert batches == expected
+        monkeypatch.setattr(Writer, "commit", commit)
+
+
 @pytest.mark.parametrize("table", ["score", "joint", "alarm", "alarm_event", "device", "request_that_waits"])
 def test_a_page_that_a_service_begins_with_is_looked_at(path: Path, table: str) -> None:
     """A damaged one is met when the store is opened, and not by the service afterwards, which would end."""
