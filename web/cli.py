@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["WebError", "web"]
 
 LEAST_TOKEN = 16
-CONNECTIONS = 128
 GRACE_S = 3
 
 
@@ -103,15 +102,16 @@ def _serve(site: Site, options: WebOptions, address: tuple[str, int], keys: Keys
     import uvicorn
 
     from lostmotion.web.app import create_app
+    from lostmotion.web.connections import MOST_OPEN, Connection
 
     app = create_app(site, keys)
     with _bound(options, address) as listener:
         port = listener.getsockname()[1]
         server = uvicorn.Server(
             uvicorn.Config(
-                app, log_level="warning", access_log=False, server_header=False, limit_concurrency=CONNECTIONS,
-                timeout_graceful_shutdown=GRACE_S, ssl_certfile=options.certificate or None,
-                ssl_keyfile=options.key or None,
+                app, http=Connection, ws="none", log_level="warning", access_log=False, server_header=False,
+                limit_concurrency=MOST_OPEN, timeout_graceful_shutdown=GRACE_S,
+                ssl_certfile=options.certificate or None, ssl_keyfile=options.key or None,
             )
         )  # fmt: skip
         scheme = "https" if options.certificate else "http"

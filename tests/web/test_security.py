@@ -8,6 +8,7 @@ import ssl
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
@@ -171,6 +172,21 @@ def test_bad_requests_are_refused(open_site: Site, body: bytes) -> None:
     status, _, answer = open_site.ask("POST", "/api/alarms", body, x_csrf_token=open_site.csrf())
     assert 400 <= status < 500
     assert b"error" in answer
+
+
+@pytest.mark.parametrize(
+    "begun", [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n"]
+)
+def test_half_a_request_keeps_nobody_out(open_site: Site, begun: bytes) -> None:
+    """Where 200 connections have not sent a whole request, another one is answered, and the oldest are closed."""
+    url = urlsplit(open_site.address)
+    with ExitStack() as stack:
+        others = [stack.enter_context(socket.create_connection((url.hostname, url.port))) for _ in range(200)]
+        for other in others:
+            other.sendall(begun)
+        assert open_site.ask("GET", "/health")[0] == 200
+        others[0].settimeout(20)
+        assert others[0].recv(1) == b""
 
 
 @pytest.mark.parametrize(
