@@ -6,7 +6,6 @@ service.  Nothing here opens a port or a database.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -29,6 +28,7 @@ from lostmotion.daemon.options import (
     WebOptions,
     ZenohOptions,
 )
+from lostmotion.daemon.paths import expanded, state_folder
 from lostmotion.daemon.sinks import SinkType
 from lostmotion.daemon.sinks import registry as sink_registry
 from lostmotion.detector.window import DetectorSettings
@@ -83,11 +83,8 @@ class Config:
 
     @property
     def database(self) -> Path:
-        """Where the database lies.  Raises ConfigError when ``~`` stands for no folder."""
-        try:
-            return Path(self.store.path).expanduser() if self.store.path else state_folder() / "history.db"
-        except RuntimeError as error:  # no such user, or one without a home
-            raise ConfigError(f"store.path: found {self.store.path!r}, expected a path; {error}") from error
+        """Where the database lies.  Raises PathError when ``~`` stands for no folder."""
+        return expanded("store.path", self.store.path) if self.store.path else state_folder() / "history.db"
 
     def joint(self, name: str) -> JointOptions:
         """The joint of that name.  Raises ConfigError."""
@@ -156,11 +153,6 @@ def loads(text: str, where: str, *, joints: bool = True) -> Config:
         return replace(config, notes=config_notes.notes(config))
     except (toml_text.TomlError, LostmotionError) as error:
         raise ConfigError(f"{where}: {shortened(error)}") from error
-
-
-def state_folder() -> Path:
-    """Where this user's programs keep what should survive a restart (XDG base directory specification)."""
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "lostmotion"
 
 
 def _decode(tables: Table, needs_joints: bool) -> Config:

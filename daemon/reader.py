@@ -68,7 +68,8 @@ def open_readonly(path: Path) -> Reader:
     if path.is_dir():
         raise ReaderError(f"{path}: found a folder, expected a database, such as history.db in it")
     if not path.is_file():
-        raise ReaderError(f"{path}: no database there; start `lostmotion run` first, or name its configuration")
+        here = "" if path.is_absolute() else ", in the working folder"
+        raise ReaderError(f"{path}: no database there{here}; start `lostmotion run` first, or name its configuration")
     try:
         db, version = _connect(path, "mode=ro")
     except UNREADABLE as error:

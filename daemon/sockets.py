@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Literal
 
+from lostmotion.daemon.paths import PathError, expanded
 from lostmotion.daemon.sinks.registry import BUILT_IN
 from lostmotion.drivers.ros2_session import Ros2Network
 
@@ -83,7 +84,7 @@ def page_address(options: WebOptions) -> tuple[str, int] | None:
 
 def page_refusal(options: WebOptions) -> str:
     """Why the page is not served with these options, "" where it is: its address is none, others can reach it and
-    need no password, or there is half of what TLS needs."""
+    need no password, there is half of what TLS needs, or a path begins with the home of nobody."""
     address = page_address(options)
     if address is None:
         return f"web.listen: found {options.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:8737"
@@ -94,6 +95,12 @@ def page_refusal(options: WebOptions) -> str:
         )
     if bool(options.certificate) != bool(options.key):
         return "web.certificate and web.key: found one of them, expected both or none"
+    paths = [(f"web.{key}", getattr(options, key)) for key in ("token_file", "certificate", "key", "lab")]
+    try:
+        for key, path in [*paths, *(("web.own_effects", effect) for effect in options.own_effects)]:
+            expanded(key, path)
+    except PathError as error:
+        return str(error)
     return ""
 
 

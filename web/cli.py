@@ -15,6 +15,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.options import WebOptions
+from lostmotion.daemon.paths import expanded
 from lostmotion.daemon.sockets import page_address, page_refusal
 from lostmotion.drivers.errors import LostmotionError
 
@@ -90,7 +91,7 @@ def _token(options: WebOptions) -> str:
     if not options.token_file:
         return ""
     try:
-        token = Path(options.token_file).read_text("utf-8").strip()
+        token = expanded("web.token_file", options.token_file).read_text("utf-8").strip()
     except (OSError, ValueError) as error:
         raise WebError(f"web.token_file: {options.token_file} cannot be read: {error}") from error
     if len(token) < LEAST_TOKEN:
@@ -104,21 +105,25 @@ def _serve(site: Site, options: WebOptions, address: tuple[str, int], keys: Keys
     from lostmotion.web.app import create_app
     from lostmotion.web.connections import MOST_OPEN, Connection
 
-    app = create_app(site, keys)
+    certificate, key = (
+        str(expanded(f"web.{name}", path)) if path else None
+        for name, path in (("certificate", options.certificate), ("key", options.key))
+    )
+    settings = uvicorn.Config(
+        create_app(site, keys), http=Connection, ws="none", log_level="warning", access_log=False, server_header=False,
+        limit_concurrency=MOST_OPEN, timeout_graceful_shutdown=GRACE_S, ssl_certfile=certificate, ssl_keyfile=key,
+    )  # fmt: skip
+    try:
+        settings.load()
+    except OSError as error:  # those of ssl, too
+        raise WebError(f"web.certificate, web.key: {certificate}, {key} cannot be used: {error}") from error
     with _bound(options, address) as listener:
         port = listener.getsockname()[1]
-        server = uvicorn.Server(
-            uvicorn.Config(
-                app, http=Connection, ws="none", log_level="warning", access_log=False, server_header=False,
-                limit_concurrency=MOST_OPEN, timeout_graceful_shutdown=GRACE_S,
-                ssl_certfile=options.certificate or None, ssl_keyfile=options.key or None,
-            )
-        )  # fmt: skip
         scheme = "https" if options.certificate else "http"
         host = f"[{address[0]}]" if ":" in address[0] else address[0]
         sys.stderr.write(f"serving {scheme}://{host}:{port}/ (Ctrl-C ends it)\n")
         sys.stderr.flush()
-        server.run(sockets=[listener])
+        uvicorn.Server(settings).run(sockets=[listener])
 
 
 def _bound(options: WebOptions, address: tuple[str, int]) -> socket.socket:

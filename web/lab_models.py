@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lostmotion.daemon.paths import expanded
 from lostmotion.drivers import toml_text
 from lostmotion.drivers.errors import LostmotionError
 
@@ -36,13 +37,14 @@ class Head:
 
 
 def own_effects(references: Sequence[str], folder: Path) -> dict[str, str]:
-    """The owner's effects by their name: ``file.py:function``, the file without doubt.  Raises ModelRefusedError."""
+    """The owner's effects by their name: ``file.py:function``, the file without doubt.  Raises ModelRefusedError or
+    PathError."""
     found = {}
     for reference in references:
         file, _, name = reference.rpartition(":")
         if not file or not name.isidentifier():
             raise ModelRefusedError(f"web.own_effects: found {reference!r}, expected file.py:function")
-        found[name] = f"{(folder / Path(file).expanduser()).resolve()}:{name}"
+        found[name] = f"{(folder / expanded('web.own_effects', file)).resolve()}:{name}"
     return found
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lostmotion.daemon.commands.where import ETC
 from lostmotion.daemon.config import Config, ConfigError, default, load
 from lostmotion.daemon.options import AlarmOptions
+from lostmotion.daemon.paths import expanded
 from lostmotion.daemon.reader import Reader, open_readonly
 
 if TYPE_CHECKING:
@@ -55,9 +56,9 @@ class Site:
 
     @property
     def lab_folder(self) -> Path:
-        """Where recordings and runs of the lab are.  Raises ConfigError."""
+        """Where recordings and runs of the lab are.  Raises ConfigError or PathError."""
         given = self.config().web.lab
-        return (Path(given).expanduser() if given else self.database.parent / "lab").resolve()
+        return (expanded("web.lab", given) if given else self.database.parent / "lab").resolve()
 
     def reader(self) -> Reader:
         """The database, as it is now at its path: a damaged one may have been moved aside.  Raises ReaderError."""

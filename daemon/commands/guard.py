@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
@@ -117,11 +117,20 @@ def _explain(error: Exception) -> int:
 
 
 def _print_error(message: str) -> int:
-    sys.stderr.write(f"lostmotion: {' '.join(message.split())}\n")
+    """A stderr that takes nothing, such as a log on a full disk, does not change the status: 1 would be bad news."""
+    try:
+        sys.stderr.write(f"lostmotion: {' '.join(message.split())}\n")
+        sys.stderr.flush()
+    except OSError:
+        _discard(sys.stderr)
     return WRONG
 
 
 def _unread() -> int:
-    """stdout leads nowhere now, so that Python does not complain when it flushes at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _discard(sys.stdout)
     return UNREAD
+
+
+def _discard(stream: TextIO) -> None:
+    """The stream leads nowhere now, so that Python does not complain when it flushes at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

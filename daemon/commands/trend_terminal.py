@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import sys
 
 import numpy as np
 
@@ -19,9 +17,11 @@ TICKS = 5
 def plot(history: History) -> str:
     """The plot as text, coloured only for a terminal that wants colours."""
     import plotext
+    from rich.console import Console
 
     width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
-    plain = not sys.stdout.isatty() or bool(os.environ.get("NO_COLOR"))
+    console = Console()  # knows the terminals without colours, and NO_COLOR
+    plain = console.no_color or console.color_system is None
     wear = history.wear
     figure = plotext.figure
     figure.clear()

@@ -4,9 +4,7 @@ signal."""
 from __future__ import annotations
 
 import math
-import os
 import shutil
-import sys
 from pathlib import Path, PurePath
 
 import click
@@ -64,9 +62,11 @@ def _print_recordings(comparison: Comparison) -> None:
 def _plot(overlay: Overlay) -> str:
     """A plot of a window with a typical error, coloured only in a terminal that supports colours."""
     import plotext
+    from rich.console import Console
 
     width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
-    plain = not sys.stdout.isatty() or bool(os.environ.get("NO_COLOR"))
+    console = Console()  # knows the terminals without colours, and NO_COLOR
+    plain = console.no_color or console.color_system is None
     figure = plotext.figure
     figure.clear()
     figure.plot_size(width, HEIGHT)

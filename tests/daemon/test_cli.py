@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+import tomllib
 from contextlib import closing
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from click.testing import CliRunner
 
 from lostmotion import __version__
 from lostmotion.daemon.commands.guard import RootGroup
+from tests.conftest import ROOT
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, call, fill, is_one_line, start
 
 HEAVY = ("numpy", "scipy", "numba", "matplotlib", "rich", "plotext", "serial", "zenoh")
@@ -209,6 +211,25 @@ def test_full_disk_under_stdout(tmp_path: Path) -> None:
         done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stderr == "lostmotion: No space left on device\n"
+
+
+def test_full_disk_under_stderr() -> None:
+    """An error that cannot be told has status 2 all the same: 1 would be an alarm of `status --fail`."""
+    with Path("/dev/full").open("w") as full:
+        assert subprocess.run([*PROGRAM, "status", "--bogus"], stdout=full, stderr=full, timeout=60).returncode == 2
+
+
+def test_interrupt_while_it_loads_is_quiet() -> None:
+    """Ctrl-C in the first moments, while Python still imports: status 130 and no traceback."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    module, _, name = project["scripts"]["lostmotion"].partition(":")
+    code = (
+        "import sys\nclass Interrupted:\n def find_spec(self, name, *rest):\n"
+        "  if name == 'click': raise KeyboardInterrupt\n"
+        f"sys.meta_path.insert(0, Interrupted())\nfrom {module} import {name}\n{name}()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
 @pytest.mark.slow

@@ -6,9 +6,12 @@ import csv
 import io
 import json
 import math
+import os
+import pty
 import re
+import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -21,7 +24,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.times import TimeError, ago, parse, span
 from lostmotion.daemon.records import Origin, Origins, ScoreRow
 from lostmotion.daemon.store import Store
-from tests.daemon.cli_world import HARDWARE, SIMULATED, START, call, fill, is_one_line
+from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, START, call, fill, is_one_line
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +162,7 @@ def test_missing_database(tmp_path: Path) -> None:
     for command in (["status"], ["history", "elbow"], ["trend", "elbow"]):
         result = call(*command, "--database", tmp_path / "none.db")
         assert is_one_line(result, "none.db", "lostmotion run")
+    assert is_one_line(call("status", "--database", "none.db"), "in the working folder")
 
 
 def test_damaged_database(database: Path, tmp_path: Path) -> None:
@@ -364,6 +368,26 @@ def test_trend_in_the_terminal(database: Path) -> None:
     assert text.count("•") > 30
     assert "2026-01-01" in text
     assert "\x1b" not in text
+
+
+@pytest.mark.parametrize(("term", "is_coloured"), [("xterm", True), ("dumb", False)])
+def test_trend_in_a_terminal_without_colours(
+    monkeypatch: pytest.MonkeyPatch, database: Path, term: str, is_coloured: bool
+) -> None:
+    """TERM=dumb gets no escape codes, neither in the words nor in the plot."""
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    master, slave = pty.openpty()
+    command = [*PROGRAM, "trend", "elbow", "--of", "score", "--database", str(database)]
+    process = subprocess.Popen(command, stdout=slave, env=os.environ | {"TERM": term})
+    os.close(slave)
+    text = b""
+    with suppress(OSError):  # the end of a pseudo-terminal
+        while piece := os.read(master, 65536):
+            text += piece
+    os.close(master)
+    assert process.wait(60) == 0
+    assert b"slope" in text
+    assert (b"\x1b" in text) is is_coloured
 
 
 def test_trend_picture(database: Path, tmp_path: Path) -> None:

@@ -311,6 +311,21 @@ def test_the_built_in_robot_has_a_good_shoulder_and_a_worn_elbow(
     assert default.database == tmp_path / "lostmotion" / "history.db"
 
 
+def test_the_state_folder_is_absolute(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A relative XDG_STATE_HOME counts as none, as its specification demands; who has no home is told so in a line."""
+    monkeypatch.setenv("XDG_STATE_HOME", "state")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert config.default().database == tmp_path / ".local/state/lostmotion/history.db"
+    monkeypatch.setattr(Path, "home", nowhere)
+    with pytest.raises(ConfigError, match=r"store\.path: found none.* set HOME"):
+        config.default()
+
+
+def nowhere() -> Path:
+    """As pathlib where a container runs as a user without a name."""
+    raise RuntimeError("Could not determine home directory.")
+
+
 @pytest.mark.parametrize("path", sorted((Path(__file__).parents[2] / "examples").glob("*.toml")), ids=lambda p: p.name)
 def test_the_examples_are_valid(path: Path) -> None:
     """Every configuration in examples/ passes the check."""

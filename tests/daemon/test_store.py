@@ -541,7 +541,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
         Store(tmp_path / "file" / "history.db", "arm1")
     with pytest.raises(StoreError, match="found a folder, expected a file"):
         Store(tmp_path, "arm1")
-    with pytest.raises(ReaderError, match="no database there"):
+    with pytest.raises(ReaderError, match="no database there; start"):
         open_readonly(tmp_path / "nothing.db")
     with pytest.raises(ReaderError, match="found a folder, expected a database"):
         open_readonly(tmp_path)

@@ -197,6 +197,9 @@ def test_half_a_request_keeps_nobody_out(open_site: Site, begun: bytes) -> None:
         ("", ["--listen", "127.0.0.1:99999"], ["web.listen"]),
         ('[web]\ntoken_file = "gone"\n', [], ["web.token_file", "gone"]),
         ('[web]\ncertificate = "a.pem"\n', [], ["web.key"]),
+        ('[web]\ncertificate = "a.pem"\nkey = "b.pem"\n', [], ["web.certificate", "a.pem", "b.pem", "No such file"]),
+        ('[web]\nlab = "~nosuchuser/lab"\n', [], ["web.lab", "~nosuchuser", "no home folder"]),
+        ('[web]\nown_effects = ["~nosuchuser/a.py:f"]\n', [], ["web.own_effects", "no home folder"]),
         ("[web]\ncolour = 1\n", [], ["web.colour: unknown key"]),
     ],
 )
