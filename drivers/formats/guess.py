@@ -255,10 +255,17 @@ def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str
 
 
 def _of_joint(found: Sequence[Series], column: str, joint: str) -> list[Series]:
-    """Those of the joint, the plainest names first; a sensor's too, where none has the joint's name."""
-    own = [one for one in found if joint_of(one.name) == joint]
+    """Those of the joint, the plainest names first, of these those in a unit of the column: of ``Force (V)`` and
+    ``Force (N)`` the second; a sensor's too, where none has the joint's name."""
+    own = sorted((one for one in found if joint_of(one.name) == joint), key=lambda one: not _has_unit(one, column))
     plain = [one for one in own if one.name == column] or sorted(own, key=lambda one: is_commanded(one.name))
     return plain or ([] if column in OF_JOINTS and joint and any(joint_of(one.name) for one in found) else list(found))
+
+
+def _has_unit(one: Series, column: str) -> bool:
+    """Whether the unit of a series, if it has one, may be that of the column; a place may be along a line."""
+    unit = to_si(one.unit or unit_of(one.name, column))
+    return unit is None or unit[0] == COLUMN_UNITS[column] or (column == "position" and unit[0] == "m")
 
 
 def _some(names: Sequence[str]) -> str:

@@ -91,7 +91,7 @@ def layout_of(name: str, lines: Lines) -> tuple[Layout, list[list[str]]]:
     rows = _rows([line for _, line in held])
     first = rows.first() if rows.numeric else 1
     before = held[first][0] - 1 if first < len(held) else held[-1][0]
-    comments = [line for place, line in numbered if line.startswith(COMMENT) and place <= before]
+    comments = [line for place, line in numbered if line.lstrip().startswith(COMMENT) and place <= before]
     header, units = _above(held[:first], before, comments, rows)
     if len(header) > MOST_SERIES:
         raise too_many(name, len(header), "columns")
@@ -149,11 +149,17 @@ def _above(above: list[tuple[int, str]], before: int, comments: list[str], rows:
 
 def _names(line: str, below: int, rows: Rows) -> list[str]:
     """The names of all columns in a line, with so many lines between it and the rows; [] where it holds others."""
-    names, width = _names_in(line, rows), rows.width
-    if 1 < len(names) < width and rows.separator != " " and any(is_time(name) or column_of(name) for name in names):
-        names += [""] * (width - len(names))  # columns beside those with names, as of a calculation in a sheet
+    names, width = _filled(_names_in(line, rows), rows), rows.width
     is_header = len(names) >= width and _are_words(names, rows.comma) and not _is_title(line, rows.separator, below)
     return names[:width] if is_header else []
+
+
+def _filled(names: list[str], rows: Rows) -> list[str]:
+    """The names with an empty one for each of the columns beside them, as of a calculation in a sheet; the names
+    themselves where blanks separate, or none of them is the time or a column."""
+    is_short = 1 < len(names) < rows.width and rows.separator != " "
+    are_known = is_short and any(is_time(name) or column_of(name) for name in names)
+    return names + [""] * (rows.width - len(names)) if are_known else names
 
 
 def _names_in(line: str, rows: Rows) -> list[str]:
@@ -182,22 +188,28 @@ def _are_words(cells: list[str], comma: bool) -> bool:
 
 
 def _commented(comments: list[str], rows: Rows) -> tuple[list[str], list[str]]:
-    """Names, and units below them, of the last comments that have as many cells as the rows; or numbers of columns."""
-    above = [_names_in(line.lstrip("#%/ "), rows) for line in comments]
+    """Names, and units below them, of the last comments that have as many cells as the rows, or fewer, of which one is
+    the time or a column; or numbers of columns.  A comment within a comment, as of the date, ends the names."""
+    plain = [re.split(r"[\t ]+%|[\t ]+#", line.lstrip().lstrip("#%/ ").rstrip(), maxsplit=1)[0] for line in comments]
+    above = [_filled(_names_in(line, rows), rows) for line in plain]
     above = [cells for cells in above if len(cells) == rows.width and _may_be_names(cells, rows.comma)][-2:]
     if len(above) == 2 and all(re.fullmatch(r"\[.*\]|\(.*\)", cell.strip()) for cell in above[1]):
         return _unique(above[0]), _units(above[1], rows.comma)
-    return _unique(above[-1]) if above else [f"column{index + 1}" for index in range(rows.width)], []
+    known = [cells for cells in above if any(is_time(cell) or column_of(cell) for cell in cells)] or above
+    return _unique(known[-1]) if known else [f"column{index + 1}" for index in range(rows.width)], []
 
 
 def _may_be_names(cells: list[str], comma: bool) -> bool:
-    """Whether all cells of a comment may be names or units: short, and no numbers."""
-    return all(cell.strip() and len(cell) < LONGEST_NAME and number(cell, comma) is None for cell in cells)
+    """Whether all cells of a comment may be names or units, but for columns without one at the end: short, and no
+    numbers."""
+    named = [cell.strip() for cell in cells if cell.strip()]
+    are_first = all(cell.strip() for cell in cells[: len(named)])
+    return are_first and all(len(cell) < LONGEST_NAME and number(cell, comma) is None for cell in named)
 
 
 def is_row(line: str) -> bool:
     """Whether a line is neither empty, nor a comment, nor drawn."""
-    return bool(line.strip()) and not line.startswith(COMMENT) and not RULER.fullmatch(line)
+    return bool(line.strip()) and not line.lstrip().startswith(COMMENT) and not RULER.fullmatch(line)
 
 
 def _metadata(comments: list[str]) -> dict[str, Any]:

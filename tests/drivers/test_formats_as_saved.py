@@ -117,6 +117,35 @@ def test_a_name_that_is_a_unit_and_columns_without_one(tmp_path: Path) -> None:
     assert "if counts of 4096 a turn" in "".join(read(path).notes)
 
 
+@pytest.mark.parametrize(
+    ("header", "ends"),
+    [
+        ("%Time (ms)\tAngle (deg)\t%4/25/20175:38 PM\n", "\t1.0\t0.0\n"),  # a date in the place of a name, then none
+        ("%Time (ms)\tAngle (deg)\t\t\n\t%3/20/20171:31 PM\n", "\n"),  # a date below, and a name too many
+        ("%Time (ms)\tAngle (deg)\t%3/11/20201:59 PM\n", "\n"),
+    ],
+)
+def test_names_behind_a_sign_with_a_date_beside_them(header: str, ends: str, tmp_path: Path) -> None:
+    """As a program of a laboratory saves them: the names are used, whatever stands beside or below them."""
+    path = tmp_path / "rigidarm"
+    lines = (f"{1000 * t:.3f}\t{np.degrees(y):.3f}{ends}" for t, y in zip(T, SWING, strict=True))
+    path.with_suffix(".txt").write_text(header + "".join(lines))
+    found = read(path.with_suffix(".txt"))
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-4)
+    assert found.recording.time == pytest.approx(T, abs=1e-4)
+
+
+def test_of_readings_in_two_units_those_of_the_column_are_used(tmp_path: Path) -> None:
+    """A force in N beside the voltage of its sensor, which comes first."""
+    path = tmp_path / "damper.csv"
+    header = "Time (s),Force (V),Force (N),Displacement (V),Displacement (mm)\n"
+    path.write_text(header + rows(T, SWING, 100 * SWING, 1 + SWING, 20 * SWING, sign=","))
+    found = read(path).recording
+    assert found.columns["force"] == pytest.approx(100 * SWING, abs=1e-4)
+    assert found.columns["displacement"] == pytest.approx(0.02 * SWING, abs=1e-5)
+    assert "force_unit" not in found.metadata
+
+
 def test_runs_side_by_side(tmp_path: Path) -> None:
     """Each run has times of its own, and one ends earlier: the longest is read, and the line for another one works."""
     path = tmp_path / "agua.csv"
