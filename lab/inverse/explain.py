@@ -26,7 +26,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import is_driven, with_scale
+from lostmotion.lab.fitting.identifiability import coasts, is_driven, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import axis_of, described
 from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
@@ -134,7 +134,7 @@ def _explanation(
     """The result of a search, with errors on the unseen recording."""
     fits = [one.surest for one in selection.fits]
     base, best = fits[0], fits[-1]
-    power = shares(best.model, selection.added, best.data.signals) if can_invert(best.model) else None
+    power = shares(best.model, selection.added, best.data.signals) if _has_powers(best, method) else None
     missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
     column = "torque" if method is Method.TORQUE else unseen.column
     floors = _floors(noise, column, best, unseen)
@@ -162,6 +162,13 @@ def _explanation(
         columns={column: errors},
         untried=selection.untried,
     )
+
+
+def _has_powers(fit: Regression, method: Method) -> bool:
+    """Whether the torques of the effects divide the squared error: not on a shaft that coasts, whose dry friction is
+    the constant that they leave out."""
+    shafts = (coasts(one.experiment.measured[one.column], one.experiment.is_linear) for one in fit.data.signals)
+    return can_invert(fit.model) and not (method is Method.MOTION and all(shafts))
 
 
 def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:

@@ -31,10 +31,11 @@ def turned(viscous: float, dry: float, released_s: float = 0.0, speed: float = 4
 @pytest.mark.slow
 @pytest.mark.parametrize("dry", [1.0, 1.5])
 def test_dry_friction_of_a_bearing_is_named(dry: float, tmp_path: Path) -> None:
-    """Both frictions, right to 1 % (J is held at 0.0002 kg m²)."""
+    """Both frictions, right to 1 % (J is held at 0.0002 kg m²), each with its share of the error."""
     shaft = Recording(TIMES, {"position": turned(0.06, dry)}, name="shaft.csv")
     found = explained(tmp_path, 'base = "joint"\n', [shaft])
     assert set(found["missing"]) == {"viscous_friction", "coulomb_friction"}
+    assert min(found["share"].values()) > 0.05  # of Coulomb friction 0, if a constant torque may be beside it
     assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(2e-4 * dry, rel=0.01)
     assert found["parameters"]["viscous_friction.b_v"][0] == pytest.approx(2e-4 * 0.06, rel=0.01)
 
