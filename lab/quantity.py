@@ -151,7 +151,8 @@ class Interval:
         if self.known:
             width = high - low
             digits = 2 if f"{width:e}" < "3.55" else 1
-            decimals = min(_decimals(width, digits), _decimals(max(abs(low), abs(high)), MOST_DIGITS))
+            last = digits - 1 - math.floor(math.log10(width))  # of a width of 9.7 the units, not the tens
+            decimals = min(last, _decimals(max(abs(low), abs(high)), MOST_DIGITS))
         elif self.unit == "" and self.value.is_integer():  # a number of teeth
             decimals = 0
         low_text, high_text = (number(v, decimals) if math.isfinite(v) else "–" for v in (low, high))

@@ -66,7 +66,7 @@ def guessed(
             term = Term(moving[column], moving.get("unit", ""))
             chosen[column] = _chosen(column, *named(term, series, joint, name), moving.get("why", MOVES_MOST))
         elif len(found) > 1 and column == "accel":
-            notes.append(f"accel: not taken, found {listed(found)}; choose the axis with --map accel=SERIES")
+            notes.append(f"accel: not taken, found {listed(found)}; choose one with {mapped('accel', found[0].name)}")
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
@@ -81,9 +81,9 @@ def guessed(
     if not chosen and len(rest := _unnamed(series, clock)) == 1:
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
-        raise RecordingError(
-            f"{name}: found {listed(series)}, and none that is clearly a column; {_advice(series, clock, moving or {})}"
-        )
+        several = [note for note in notes if note.startswith("accel")]
+        advice = " ".join(several) or _advice(series, clock, moving or {})
+        raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
         notes.append(f"not used: {listed(left)}")

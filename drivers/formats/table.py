@@ -100,8 +100,8 @@ class Table:
     @cached_property
     def clock(self) -> str:
         """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
-        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs; without a header
-        also the only one that ascends."""
+        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs; of several the
+        times of structures, if they are the same; without a header also the only one that ascends."""
         if self._times():
             return ""
         names = [one.name for one in self.series if not one.unit]
@@ -113,7 +113,9 @@ class Table:
             found = [
                 name for name, values in loaded.items() if len(values) > LEAST_ROWS and (np.diff(values) > 0).all()
             ]
-        return found[0] if len(found) == 1 else ""
+        if len(found) > 1:
+            found = [name for name in found if is_time(name.rpartition(".")[2])]
+        return found[0] if found and all(np.array_equal(loaded[found[0]], loaded[other]) for other in found) else ""
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
         known = times[~np.isnan(times)]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data import readings
+from lostmotion.lab.data.stand_ins import LENGTHS, is_sampled, with_stand_ins
 from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
@@ -56,7 +57,6 @@ LONGEST_GAP = 20.0  # times the usual spacing of the input: over longer gaps the
 FLAT_SHARE = 1e-9
 RAILS_SHARE = 0.5
 COPIED, COPIED_ROWS = 0.9, 3  # share of the rows in motion, and how many rows a goal is ahead that is a copy
-LENGTHS = ("m", "mm", "µm", "um", "in")
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +148,8 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 
 
 def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:
-    recording = _without_zeros(_moved(recording, model.base), INPUT[model.base])
-    outputs = [name for name in OUTPUTS[model.base] if _sampled(recording, name)]
+    recording = _without_zeros(with_stand_ins(recording, model.base, OUTPUTS[model.base]), INPUT[model.base])
+    outputs = [name for name in OUTPUTS[model.base] if is_sampled(recording, name)]
     if not outputs:
         raise ExperimentError(
             f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[model.base])}; "
@@ -190,39 +190,21 @@ def _drive_unit(base: str, recording: Recording, column: str) -> str:
     return "" if unit in ("N m", "N") else unit
 
 
-def _moved(recording: Recording, base: str) -> Recording:
-    """The recording with its position as the displacement of an oscillator, or its displacement as the position of a
-    joint, where it has no other motion; a warning reports it."""
-    other, lacks = {"oscillator": ("position", "displacement"), "joint": ("displacement", "position")}.get(
-        base, ("", "")
-    )
-    if any(_sampled(recording, name) for name in OUTPUTS[base]) or not _sampled(recording, other):
-        return recording
-    log.warning("%s: no %s was found; the %s is taken for it", recording.name, lacks, other)
-    unit = {"position_unit": "m"} if lacks == "position" else {}
-    columns = {**recording.columns, lacks: recording.columns[other]}
-    return replace(recording, columns=columns, metadata={**recording.metadata, **unit})
-
-
 def _without_zeros(recording: Recording, column: str) -> Recording:
     """The recording without an input that is zero throughout, as logs have such a column also where nothing measures
     it.  A gap in it is no gap of the motion."""
-    if column == "command" or not _sampled(recording, column) or _readings(recording, column).any():
+    if column == "command" or not is_sampled(recording, column) or _readings(recording, column).any():
         return recording
     log.warning("%s: the %s is zero throughout, and taken as not measured", recording.name, column)
     return replace(recording, columns={name: one for name, one in recording.columns.items() if name != column})
 
 
-def _sampled(recording: Recording, column: str) -> bool:
-    return column in recording.columns and not np.isnan(recording.columns[column]).all()
-
-
 def _there(recording: Recording) -> str:
-    return ", ".join(name for name in recording.columns if _sampled(recording, name)) or "no samples"
+    return ", ".join(name for name in recording.columns if is_sampled(recording, name)) or "no samples"
 
 
 def _drive(base: str, recording: Recording, column: str) -> Motion | None:
-    if not _sampled(recording, column):
+    if not is_sampled(recording, column):
         if base in NEEDS_INPUT:
             raise ExperimentError(
                 f"{recording.name}: found {_there(recording)}, expected {column!r}; it drives the base {base!r}: "
@@ -254,7 +236,7 @@ def _input(base: str, recording: Recording, of_motor: bool) -> str:
     a torque up to a factor, or else its voltage, which is one up to a factor and a viscous friction.  A warning reports
     this, and a part that is taken to move freely though something may drive it.  of_motor: whether it is known."""
     column = INPUT[base]
-    if base in NEEDS_INPUT or _sampled(recording, column):
+    if base in NEEDS_INPUT or is_sampled(recording, column):
         return column
     acts = {
         "current": np.count_nonzero(_readings(recording, "current")) > recording.time.size / 2,
@@ -268,7 +250,7 @@ def _input(base: str, recording: Recording, of_motor: bool) -> str:
             "--map torque=SERIES*%s they are in N m%s", recording.name, instead, *IN_PLACE[instead][1:],
         )  # fmt: skip
         return instead
-    if beside := [name for name in ("command", "current", "voltage") if _sampled(recording, name)]:
+    if beside := [name for name in ("command", "current", "voltage") if is_sampled(recording, name)]:
         why, series = ("", "SERIES") if of_motor or "voltage" not in beside else supplied(recording)
         log.warning(
             "%s: no %s was found beside %s%s; the part is taken to move freely. If a motor drives it, give its %s: "

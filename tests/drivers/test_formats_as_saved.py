@@ -75,6 +75,16 @@ def test_of_vectors_of_several_lengths_those_with_the_motion_are_used(tmp_path: 
     assert "3 vectors that do not have 300 values are left out" in found.notes
 
 
+def test_of_several_accelerometers_the_refusal_names_one(tmp_path: Path) -> None:
+    """Two bars in one file, each with two sensors and the same times, which no name of one word calls so."""
+    bar = {"Out": {"Acc": np.stack([SWING, 2 * SWING], axis=1), "Time": T}}
+    scipy.io.savemat(tmp_path / "bars.mat", {"Fe": bar, "Al": bar})
+    assert "choose one with --map 'accel=Al.Out.Acc[0]'" in refused(tmp_path / "bars.mat").replace("Fe", "Al")
+    found = read(tmp_path / "bars.mat", "accel=Fe.Out.Acc[1]").recording
+    np.testing.assert_allclose(found.columns["accel"], 2 * SWING)
+    np.testing.assert_allclose(found.time, T)
+
+
 def test_the_only_series_is_the_motion_and_the_time_may_come_second(tmp_path: Path) -> None:
     """Names behind %, the position first: what is left beside the time needs no name that is known."""
     path = tmp_path / "oscilador.data"

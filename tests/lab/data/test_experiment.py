@@ -277,6 +277,23 @@ def test_a_position_is_the_displacement_of_an_oscillator(caplog: pytest.LogCaptu
     assert "no displacement was found; the position is taken for it" in caplog.text
 
 
+@pytest.mark.parametrize("place", [{"displacement": "m"}, {"position": "m"}])
+def test_a_force_drives_a_linear_axis(place: dict[str, str], caplog: pytest.LogCaptureFixture) -> None:
+    """As of a damper on a test bench: without its force it would be taken to move freely.  An angle has no force."""
+    times = np.arange(0.0, 3.0, 0.01)
+    ((name, unit),) = place.items()
+    columns = {name: np.cos(9 * times), "force": np.sin(9 * times)}
+    damper = Recording(times, columns, {f"{name}_unit": unit}, name="d.csv")
+    (one,) = experiments(build_model("joint"), [damper])
+    assert one.is_linear
+    assert one.drive_unit == ""
+    assert isinstance(one.drive, Sampled)
+    assert one.drive.values == pytest.approx(np.sin(9 * times), abs=1e-12)
+    assert "no torque was found; the force is taken for it" in caplog.text
+    (arm,) = experiments(build_model("joint"), [Recording(times, {**columns, "position": times}, name="arm.csv")])
+    assert arm.drive is None
+
+
 def test_rounded_times_of_the_outputs_are_evened() -> None:
     """30 frames a second, stamped to 10 ms, give even steps."""
     frames = np.arange(300) / 30

@@ -64,3 +64,22 @@ def test_a_torque_with_the_other_sign_is_turned_round(tmp_path: Path) -> None:
     assert answers[0]["missing"] == answers[1]["missing"] != []
     for name, (value, _, _) in answers[0]["parameters"].items():
         assert answers[1]["parameters"][name][0] == pytest.approx(value, rel=1e-3), name
+
+
+def damper(frequency_hz: float, stiffness: float, sign: float) -> Recording:
+    """A damper on a test bench [m, N]: a sine, with viscous and dry friction and the spring of its gas."""
+    times, at = np.arange(0.0, 12.0, 1 / 300), 2 * np.pi * frequency_hz
+    place, speed = 0.016 * np.sin(at * times), 0.016 * at * np.cos(at * times)
+    force = 40.0 + stiffness * place + 950.0 * speed + 20.0 * np.sign(speed)
+    noise = np.random.default_rng(int(10 * frequency_hz)).normal(size=times.size)
+    columns = {"displacement": place, "force": sign * (force + noise)}
+    return Recording(times, columns, {"displacement_unit": "m"}, name=f"damper{frequency_hz}.csv")
+
+
+@pytest.mark.slow
+def test_a_gas_spring_does_not_hide_that_a_force_is_counted_the_other_way(tmp_path: Path) -> None:
+    """Of another pressure in each recording it looks like an inertia, which then is surely positive."""
+    runs = [damper(hz, stiffness, -1.0) for hz, stiffness in ((0.5, 350.0), (2.4, 800.0), (2.9, 1100.0))]
+    answer = explained(tmp_path, 'base = "joint"\n', runs)
+    assert {"viscous_friction", "coulomb_friction"} <= set(answer["missing"])
+    assert answer["parameters"]["viscous_friction.b_v"][0] == pytest.approx(950.0, rel=0.03)

@@ -1,0 +1,45 @@
+"""Columns that stand for others: angle and torque of an oscillator, displacement and force of a linear axis."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lostmotion.drivers.recording import Recording
+
+__all__ = ["LENGTHS", "is_sampled", "with_stand_ins"]
+
+LENGTHS = ("m", "mm", "µm", "um", "in")
+ELSE = {
+    "oscillator": {"displacement": "position", "force": "torque"},
+    "joint": {"position": "displacement", "torque": "force"},
+}
+"""What is taken for a column of a base where it was not recorded."""
+log = logging.getLogger(__name__)
+
+
+def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> Recording:
+    """The recording with its angle and torque as the displacement and the force of an oscillator that has no other
+    motion, or with those as the position and the torque of a linear axis; a warning reports it.
+
+    outputs: the columns that are compared."""
+    pairs = ELSE.get(base, {})
+    found = [name for name, other in pairs.items() if is_sampled(recording, other) and not is_sampled(recording, name)]
+    if any(is_sampled(recording, name) for name in outputs):
+        is_axis = base == "joint" and recording.metadata.get("position_unit") in LENGTHS
+        found = [name for name in found if is_axis and name not in outputs]
+    elif not {*found} & {*outputs}:
+        found = []
+    for name in found:
+        log.warning("%s: no %s was found; the %s is taken for it", recording.name, name, pairs[name])
+    columns = {**recording.columns, **{name: recording.columns[pairs[name]] for name in found}}
+    units = {f"{name}_unit": recording.unit(pairs[name]) for name in found if base == "joint"}
+    return replace(recording, columns=columns, metadata={**recording.metadata, **units})
+
+
+def is_sampled(recording: Recording, column: str) -> bool:
+    """Whether a recording has readings of this column."""
+    return column in recording.columns and not np.isnan(recording.columns[column]).all()
