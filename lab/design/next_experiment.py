@@ -45,18 +45,23 @@ class _Proposal:
 def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     """A sentence on the motion to record to distinguish models that explain the recordings equally well.
 
-    models: fitted models of one base, the best first.  Returns "" where there is nothing to distinguish, the recordings
-    have no input, or the time of the search is up.
+    models: fitted models of one base, the best first.  Where they differ by more than the noise in every recording, the
+    sentence says so instead.  Returns "" where there is nothing to distinguish, the recordings have no input, or the
+    time of the search is up.
     """
     if len(models) < 2 or task.experiments[0].drive is None:
         return ""
     here = min(_separation(one.drive, models, task) for one in task.experiments if one.drive)
+    names = " and ".join(words.name(_own(model, models)) for model in models)
+    if here >= 1:  # no larger motion helps where the noise is not what hides it
+        return (
+            f"In these recordings {names} differ by more than the noise: what else is missing hides which of them acts."
+        )
     proposals = _proposals(models[0].base, task.experiments)
     apart = list(pool.map(partial(_separation, models=models, task=task), [p.motion for p in proposals]))
     if is_over():  # some were not simulated to the end
         return ""
     best = int(np.argmax(apart))
-    names = " and ".join(words.name(_own(model, models)) for model in models)
     samples = LENGTH_S * task.experiments[0].rate_hz
     if apart[best] * math.sqrt(samples) < policy.SEEN or apart[best] < policy.WORTH_RECORDING * here:
         known = f"{here:.2g} times the noise"

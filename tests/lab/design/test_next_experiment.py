@@ -59,6 +59,12 @@ def test_models_that_act_alike_are_not_distinguished() -> None:
     assert advised(rubbing("coulomb_friction", tau_c=0.15), alike).startswith("No motion")
 
 
+def test_no_motion_is_advised_where_the_noise_hides_nothing() -> None:
+    """Two frictions of different sizes, far beyond the noise: "differ by 1.8e+05 times the noise" helped nobody."""
+    text = advised(rubbing("coulomb_friction", tau_c=0.15), rubbing("viscous_friction", b_v=0.4))
+    assert text.startswith("In these recordings Coulomb friction and viscous friction differ by more than the noise")
+
+
 def test_nothing_to_tell_apart() -> None:
     """One model needs no advice."""
     assert advised(rubbing("coulomb_friction", tau_c=0.15)) == ""
