@@ -117,7 +117,8 @@ def _is_enough(found: Calibrated) -> bool:
 
 
 def _wanted(cut: Cuttings, settings: DetectorSettings) -> float:
-    """The amplitude of a sway that makes a small play detectable [rad/s²]; NaN while there are few windows."""
+    """The amplitude of a sway that makes a small play detectable [rad/s²]; NaN while there are few windows,
+    infinite where none does."""
     if len(cut.accel) < LEAST_JUDGED:
         return math.nan
     windows = cut.accel[-JUDGED:]
@@ -132,7 +133,9 @@ def _wanted(cut: Cuttings, settings: DetectorSettings) -> float:
 def _missing(cut: Cuttings, needed: int, reached: float, wanted: float) -> list[str]:
     count = len(cut.accel)
     found = []
-    if reached < wanted:
+    if math.isinf(wanted):
+        found.append("Without impacts: these windows have some, which hide those of a play. Is the joint healthy?")
+    elif reached < wanted:
         found.append(
             f"Brisker: it reaches {reached:.2g} rad/s², but {wanted:.2g} make {SMALL_PLAY_DEG:g}° of play detectable."
         )

@@ -41,7 +41,9 @@ def calibrate_healthy(
     bad = read_all(worn, settings, LONGEST_S).accel if worn else None
     tuned = tune(healthy.accel, healthy.rate_hz, settings, bad)
     needed, least_ring = _needed(tuned, healthy)
-    values = {key: getattr(tuned.settings, key) for key in KEYS} | {"gentle": float(f"{2 * needed[GENTLE_DEG]:.3g}")}
+    values = {key: getattr(tuned.settings, key) for key in KEYS}
+    if math.isfinite(needed[GENTLE_DEG]):
+        values["gentle"] = float(f"{2 * needed[GENTLE_DEG]:.3g}")
     lines = lines_of(values, "[detector], or detector of the [[joint]]; the level comes from calibrate level")
     document = {
         "windows": tuned.windows, "refused": healthy.refused, "settings": values, "found": tuned.found,
@@ -73,6 +75,8 @@ def _warnings(needed: dict[float, float], healthy: Cuttings) -> list[str]:
     if _motion(healthy.swing) >= needed[GENTLE_DEG]:
         return []
     reached, wanted = _motion(healthy.swing), needed[GENTLE_DEG]
+    if math.isinf(wanted):
+        return ["no motion makes a play detectable, as these windows have impacts of their own; gentle is left out"]
     advice = "move faster, or take a longer bar or a quieter sensor"
     return [
         f"the motion reached {reached:.2g} rad/s², but {wanted:.2g} make {GENTLE_DEG:g}° of play detectable: {advice}"
@@ -83,7 +87,9 @@ def _words(tuned: Tuned, healthy: Cuttings, needed: dict[float, float], labelled
     what = "worn windows" if labelled else "simulated ring-downs added to them"
     found: dict[str, Any] = {"eq. 8 as configured": tuned.before, "eq. 8 tuned": tuned.found["band"]}
     found["ringdown"] = tuned.found["ringdown"]
-    accelerations = ", ".join(f"{deg:g}° {acceleration:.2g}" for deg, acceleration in needed.items())
+    accelerations = ", ".join(
+        f"{deg:g}° {a:.2g}" if math.isfinite(a) else f"{deg:g}° none" for deg, a in needed.items()
+    )
     return [
         f"{tuned.windows} healthy windows ({healthy.refused} not sound) in {healthy.duration:.0f} s",
         f"{what}, share detected at 10 % false alarms: "

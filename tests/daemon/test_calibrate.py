@@ -80,6 +80,21 @@ def test_healthy(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_healthy_with_impacts(tmp_path: Path) -> None:
+    """A worn joint that is called healthy is refused; against worn windows there is no ``gentle`` of 1e29 rad/s²."""
+    worn = tmp_path / "worn.csv"
+    assert call("simulate", "play", "-o", worn, "--duration", "60", "--noise", "0.01", "--seed", "1").exit_code == 0
+    assert is_one_line(call("calibrate", "healthy", worn), "found impacts in the healthy windows")
+    result = call("calibrate", "healthy", worn, "--worn", worn, "--json")
+    assert "no motion makes a play detectable" in result.stderr
+    document = json.loads(result.stdout)
+    assert document["needed"][1]["acceleration"] is None
+    assert "gentle" not in document["settings"]
+    (tmp_path / "robot.toml").write_text(SIMULATED.replace("level = 5.5", document["toml"]))
+    assert call("config", "check", tmp_path / "robot.toml").exit_code == 0
+
+
+@pytest.mark.slow
 def test_level_by_promise_and_by_labels(tmp_path: Path) -> None:
     """A promise of 5 % from healthy windows; eq. 9 with worn ones; too few windows are refused with what is needed."""
     healthy = written(tmp_path, "healthy.csv", 75, 0.0, 7820)

@@ -110,6 +110,15 @@ def test_least_amplitude_is_what_is_detected() -> None:
     assert half < 0.5
 
 
+def test_windows_with_impacts_are_refused() -> None:
+    """Windows with strong impacts hide large rings, also from a level above their own scores."""
+    rng = np.random.default_rng(8106)
+    worn = windows(rng, "white", 200, 100) + 5 * rings(200, 100, RATE, BAND, rng)
+    with pytest.raises(DetectorError, match="found impacts in the healthy windows"):
+        tune(worn, RATE, BAND)
+    assert least_amplitude(worn, RATE, BAND, float(np.quantile(batch(worn, RATE, BAND), 0.99))) == math.inf
+
+
 def test_least_acceleration_by_hand() -> None:
     """A gap of 8 mrad under a jerk of 200 rad/s³ closes after 62 ms at 0.386 rad/s; the sway of 1 Hz that does so has
     200/2π rad/s².  A large play needs a motion that crosses it within the window, however quiet the sensor."""
