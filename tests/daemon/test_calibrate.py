@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lostmotion.daemon.commands import calibrate_healthy
 from lostmotion.drivers.recording import Recording, merge, write_recording
 from tests.daemon.cli_world import SIMULATED, call, is_one_line
 from tests.detector.recordings import moved
@@ -81,16 +83,21 @@ def test_healthy(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_healthy_with_impacts(tmp_path: Path) -> None:
-    """A worn joint that is called healthy is refused; against worn windows there is no ``gentle`` of 1e29 rad/s²."""
-    worn = tmp_path / "worn.csv"
-    assert call("simulate", "play", "-o", worn, "--duration", "60", "--noise", "0.01", "--seed", "1").exit_code == 0
+    """A worn joint that is called healthy is refused in a line."""
+    worn = written(tmp_path, "worn.csv", 60, 40.0, 7812)
     assert is_one_line(call("calibrate", "healthy", worn), "found impacts in the healthy windows")
-    result = call("calibrate", "healthy", worn, "--worn", worn, "--json")
+
+
+@pytest.mark.slow
+def test_healthy_where_no_ring_is_large_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no motion makes a play detectable, that is said, and the lines are valid without ``gentle``."""
+    monkeypatch.setattr(calibrate_healthy, "least_amplitude", lambda *_: math.inf)
+    result = call("calibrate", "healthy", written(tmp_path, "healthy.csv", 60, 0.0, 7810), "--json")
     assert "no motion makes a play detectable" in result.stderr
     document = json.loads(result.stdout)
     assert document["needed"][1]["acceleration"] is None
-    assert "gentle" not in document["settings"]
     (tmp_path / "robot.toml").write_text(SIMULATED.replace("level = 5.5", document["toml"]))
+    assert "gentle" not in document["toml"]
     assert call("config", "check", tmp_path / "robot.toml").exit_code == 0
 
 
