@@ -161,12 +161,26 @@ def _load(table: Table, axes: Sequence[str], names: Sequence[str]) -> Mapping[st
 def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
     """The angle [rad] of points on a circle, from the mean of them, shape (N,); None where they lie on none.
 
-    The circle is that of least squares of x² + y² = 2 a x + 2 b y + c (Kåsa 1976).  Points that are no numbers have no
-    angle.
+    The pivot is the origin of the coordinates, where the points lie on a circle about it.  Otherwise the circle is that
+    of least squares of x² + y² = 2 a x + 2 b y + c (Kåsa 1976), whose radius noise makes too small: of a film of 16
+    degrees it was 0.42 instead of 0.49 m, and a spring was named.  Points that are no numbers have no angle.
     """
     there = np.isfinite(x) & np.isfinite(y)
     if np.count_nonzero(there) < 3:
         return None
+    found = _about(x, y, x[there].mean(), y[there].mean(), there)
+    return found if found is not None else _about_fitted_pivot(x, y, there)
+
+
+def _about(x: FloatArray, y: FloatArray, down_x: float, down_y: float, there: NDArray[np.bool_]) -> FloatArray | None:
+    """The angle of points (N,) about the origin from this direction; None where they lie on no circle about it."""
+    away, angle = np.hypot(x, y), np.angle((x + 1j * y) * (down_x - 1j * down_y))
+    height = float(away[there].mean()) * (1 - np.cos(np.max(np.abs(angle[there]))))
+    return angle if float(np.std(away[there])) < OFF_CIRCLE * height else None
+
+
+def _about_fitted_pivot(x: FloatArray, y: FloatArray, there: NDArray[np.bool_]) -> FloatArray | None:
+    """The angle of points (N,) about the centre of their circle; None where they lie on none."""
     middle_x, middle_y = x[there].mean(), y[there].mean()
     u, v = x - middle_x, y - middle_y
     table = np.column_stack([2 * u[there], 2 * v[there], np.ones(np.count_nonzero(there))])
@@ -174,8 +188,4 @@ def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
     radius = float(np.sqrt(max(c + a * a + b * b, 0.0)))
     if not radius > 0 or not np.isfinite(radius):
         return None
-    away = np.hypot(u - a, v - b)
-    angle = np.angle(((u - a) + 1j * (v - b)) / -(a + 1j * b)) if a or b else np.arctan2(v, u)
-    height = radius * (1 - np.cos(np.max(np.abs(angle[there]))))
-    is_circle = float(np.sqrt(np.mean((away[there] - radius) ** 2))) < OFF_CIRCLE * height
-    return angle if is_circle else None
+    return _about(u - a, v - b, *((-a, -b) if a or b else (1.0, 0.0)), there)

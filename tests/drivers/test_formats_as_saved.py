@@ -183,6 +183,21 @@ def test_the_points_of_a_film_are_an_angle_about_the_pivot(header: str, tmp_path
     assert angle - angle.mean() == pytest.approx(SWING - SWING.mean(), abs=1e-4)
 
 
+@pytest.mark.parametrize("pivot", [(0.0, 0.0), (0.2, 0.9)])
+def test_the_origin_is_the_pivot_if_the_points_are_on_a_circle_about_it(
+    pivot: tuple[float, float], tmp_path: Path
+) -> None:
+    """Of a small swing noise makes the radius of the fitted circle too small, and the angle too large.  An origin that
+    was put elsewhere is none."""
+    swing, noise = SWING / 2, np.random.default_rng(5).normal(size=(2, T.size)) * 2e-3
+    x, y = pivot[0] + 0.5 * np.sin(swing) + noise[0], pivot[1] - 0.5 * np.cos(swing) + noise[1]
+    path = tmp_path / "film.txt"
+    path.write_text("t\tx\ty\n" + rows(T, x, y))
+    size = np.std(read(path).recording.columns["position"]) / np.std(swing)
+    assert (abs(size - 1) < 0.005) == (pivot == (0.0, 0.0))
+    assert 0.995 < size < 1.2
+
+
 def test_the_points_of_a_mass_are_a_displacement(tmp_path: Path) -> None:
     """What moves along a line lies on no circle: of x and y the one that moves."""
     path = tmp_path / "mass.txt"
