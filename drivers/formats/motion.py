@@ -168,13 +168,13 @@ def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
     there = np.isfinite(x) & np.isfinite(y)
     if np.count_nonzero(there) < 3:
         return None
-    found = _about(x, y, x[there].mean(), y[there].mean(), there)
+    found = _about(x, y, complex(x[there].mean(), y[there].mean()), there)
     return found if found is not None else _about_fitted_pivot(x, y, there)
 
 
-def _about(x: FloatArray, y: FloatArray, down_x: float, down_y: float, there: NDArray[np.bool_]) -> FloatArray | None:
-    """The angle of points (N,) about the origin from this direction; None where they lie on no circle about it."""
-    away, angle = np.hypot(x, y), np.angle((x + 1j * y) * (down_x - 1j * down_y))
+def _about(x: FloatArray, y: FloatArray, down: complex, there: NDArray[np.bool_]) -> FloatArray | None:
+    """The angle of points (N,) about the origin, from the direction of ``down``; None where they lie on no circle about it."""
+    away, angle = np.hypot(x, y), np.angle((x + 1j * y) * down.conjugate())
     height = float(away[there].mean()) * (1 - np.cos(np.max(np.abs(angle[there]))))
     return angle if float(np.std(away[there])) < OFF_CIRCLE * height else None
 
@@ -188,4 +188,4 @@ def _about_fitted_pivot(x: FloatArray, y: FloatArray, there: NDArray[np.bool_]) 
     radius = float(np.sqrt(max(c + a * a + b * b, 0.0)))
     if not radius > 0 or not np.isfinite(radius):
         return None
-    return _about(u - a, v - b, *((-a, -b) if a or b else (1.0, 0.0)), there)
+    return _about(u - a, v - b, complex(-a, -b) or 1.0 + 0.0j, there)
