@@ -173,7 +173,7 @@ def angle_about_pivot(x: FloatArray, y: FloatArray) -> FloatArray | None:
 
 
 def _about(x: FloatArray, y: FloatArray, down: complex, there: NDArray[np.bool_]) -> FloatArray | None:
-    """The angle of points (N,) about the origin, from the direction of ``down``; None where they lie on no circle about it."""
+    """The angle of points (N,) about the origin, from the direction of ``down``; None where they lie on no circle."""
     away, angle = np.hypot(x, y), np.angle((x + 1j * y) * down.conjugate())
     height = float(away[there].mean()) * (1 - np.cos(np.max(np.abs(angle[there]))))
     return angle if float(np.std(away[there])) < OFF_CIRCLE * height else None
