@@ -21,6 +21,8 @@ __all__ = ["setup"]
 PRIORITY = {logging.CRITICAL: 2, logging.ERROR: 3, logging.WARNING: 4, logging.INFO: 6, logging.DEBUG: 7}
 """sd-daemon(3); other levels count as the next lower one"""
 JOURNAL = Path("/run/systemd/journal/socket")
+PATIENCE_S = 1.0
+"""how long a line waits for a journald that takes nothing, as on a failing disk [s]; those after it do not wait"""
 
 
 def setup(environment: Mapping[str, str] = os.environ, journal: Path = JOURNAL) -> None:
@@ -69,23 +71,36 @@ class PriorityFormatter(logging.Formatter):
 class JournalHandler(OneLineHandler):
     """Speaks journald's own protocol (systemd.io/JOURNAL_NATIVE_PROTOCOL): one datagram a record.
 
-    In place of systemd-python, which needs a compiler and systemd's headers to be installed.
+    In place of systemd-python, which needs a compiler and systemd's headers to be installed.  A journald that hangs
+    costs lines, which are counted, and not the service that writes them.
     """
 
     def __init__(self, journal: Path) -> None:
         super().__init__()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
         self._journal = str(journal)
+        self._missing = 0
         self._stderr = StderrHandler(sys.stderr)
         self._stderr.setFormatter(PriorityFormatter("%(message)s"))
 
     def emit(self, record: logging.LogRecord) -> None:
         try:
+            self._socket.settimeout(0.0 if self._missing else PATIENCE_S)
             self._socket.sendto(self._datagram(record), self._journal)
+            if self._missing:
+                self._tell_missing()
+        except (TimeoutError, BlockingIOError):
+            self._missing += 1
         except OSError:  # journald restarts, or the record is too long for a datagram
             self._stderr.handle(record)
         except Exception:  # noqa: BLE001 - as logging's own handlers
             self.handleError(record)
+
+    def _tell_missing(self) -> None:
+        line = f"{self._missing} lines of the log are missing here: journald took none for a time"
+        record = logging.makeLogRecord({"name": __name__, "levelno": logging.WARNING, "msg": line})
+        self._socket.sendto(self._datagram(record), self._journal)
+        self._missing = 0
 
     def _datagram(self, record: logging.LogRecord) -> bytes:
         fields = {

@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import socket
 import struct
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -86,6 +88,27 @@ def test_what_journald_does_not_take_goes_to_standard_error(
     (tmp_path / "journal").unlink()
     logging.getLogger("lostmotion").warning("still here")
     assert capsys.readouterr().err == "<4>still here\n"
+
+
+def test_a_journald_that_hangs_holds_nobody_up(journal: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It reads nothing: the first line too many waits for a moment, the others not at all.  Those that are missing are
+    counted once it reads again."""
+    monkeypatch.setattr(logs, "PATIENCE_S", 0.1)
+    log = logging.getLogger("lostmotion")
+    start = time.monotonic()
+    for number in range(5000):
+        log.warning("line %d", number)
+    assert time.monotonic() - start < 30  # a line of the log takes 40 us; waiting for each would take 500 s
+    journal.settimeout(0.1)
+    with suppress(TimeoutError):
+        taken = [0]
+        while True:
+            taken.append(int(fields(journal.recv(10_000))["MESSAGE"].split()[1]) + 1)
+    log.warning("once more")
+    assert fields(journal.recv(10_000))["MESSAGE"] == "once more"
+    missing = fields(journal.recv(10_000))
+    assert missing["MESSAGE"].startswith(f"{5000 - max(taken)} lines of the log are missing here")
+    assert missing["PRIORITY"] == "4"
 
 
 @pytest.mark.parametrize("environment", [{}, {"JOURNAL_STREAM": "8:1"}])
