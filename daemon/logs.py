@@ -16,6 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
+from lostmotion.drivers.textfile import printable
+
 __all__ = ["setup"]
 
 PRIORITY = {logging.CRITICAL: 2, logging.ERROR: 3, logging.WARNING: 4, logging.INFO: 6, logging.DEBUG: 7}
@@ -54,11 +56,14 @@ class StderrHandler(OneLineHandler, logging.StreamHandler[TextIO]):
 
 
 class TimeFormatter(logging.Formatter):
-    """Times in UTC, ISO 8601."""
+    """Times in UTC, ISO 8601, and no control characters, which a terminal would obey."""
 
     converter = staticmethod(time.gmtime)
     default_time_format = "%Y-%m-%dT%H:%M:%S"
     default_msec_format = "%s.%03dZ"
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record))
 
 
 class PriorityFormatter(logging.Formatter):

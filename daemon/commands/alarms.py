@@ -16,6 +16,7 @@ from lostmotion.daemon.commands import output, times
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
 from lostmotion.daemon.reader import ReaderError, open_readonly
 from lostmotion.daemon.records import AlarmRow, Request, Severity, Transition
+from lostmotion.drivers.textfile import printable
 
 __all__ = ["change", "show", "watch"]
 
@@ -43,7 +44,7 @@ def watch(config: Path | None, database: Path | None, duration_s: float | None, 
     end = time.monotonic() + duration_s if duration_s else math.inf
     for transition in _news(find_database(config, database), end):
         document = msgspec.json.encode(documents.transition(transition)).decode()
-        sys.stdout.write((document if as_json else _line(transition)) + "\n")
+        sys.stdout.write((document if as_json else printable(_line(transition))) + "\n")
         sys.stdout.flush()
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from lostmotion.drivers.errors import LostmotionError
+from lostmotion.drivers.textfile import printable
 
 __all__ = [
     "OutputError",
@@ -27,6 +28,7 @@ __all__ = [
     "print_lines",
     "print_long_table",
     "print_markup",
+    "print_plot",
     "print_table",
     "refuse_existing",
     "write_new",
@@ -87,12 +89,17 @@ def print_json_list(head: Mapping[str, Any], key: str, batches: Iterable[list[An
 
 def print_lines(lines: Sequence[str]) -> None:
     """Plain lines on stdout."""
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    sys.stdout.write("".join(f"{printable(line)}\n" for line in lines))
+
+
+def print_plot(text: str) -> None:
+    """A plot on stdout, which may have colours."""
+    sys.stdout.write(f"{text}\n")
 
 
 def print_markup(*lines: str) -> None:
     """Lines of rich markup; plain where stdout is no terminal or NO_COLOR is set."""
-    _print(*lines)
+    _print(*map(printable, lines))
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str] = ()) -> None:
@@ -101,6 +108,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str
     if len(rows) > MOST_IN_COLOUR or not sys.stdout.isatty():
         _print_plain(columns, [rows], right)
         return
+    rows = [[_cell(cell) for cell in row] for row in rows]
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -148,7 +156,7 @@ def _print_plain(columns: Sequence[str], batches: Iterable[Sequence[Row]], right
 
     widths, head = [0] * len(columns), [columns]
     for rows in batches:
-        cells = [*head, *([render(cell).plain if "[" in cell else cell for cell in row] for row in rows)]
+        cells = [*head, *([_cell(render(cell).plain if "[" in cell else cell) for cell in row] for row in rows)]
         columns_of_cells = zip(widths, *cells, strict=True)
         widths = [max(width, *map(cell_len, column)) for width, *column in columns_of_cells]
         lines = [_aligned(row, columns, right, widths) for row in cells]
@@ -165,6 +173,10 @@ def _aligned(row: Row, columns: Sequence[str], right: Sequence[str], widths: Seq
         gap = " " * (width - cell_len(cell))
         cells.append(gap + cell if name in right else cell + gap)
     return "   ".join(cells).rstrip()
+
+
+def _cell(text: str) -> str:
+    return text if text.isprintable() else printable(" ".join(text.splitlines()))
 
 
 def _print(*items: object) -> None:

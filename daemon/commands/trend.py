@@ -138,7 +138,9 @@ def trend(
     is_ours = config is not None or database is None  # else the robot of the database is unknown
     radius_m = _radius(config, joint) if is_ours else math.nan
     lines = [f"{name:15}{text}" for name, text in words(history, radius_m, whose)]
-    output.print_lines([*notes, _heading(history), *lines, "", plot(history), *([f"picture: {png}"] if png else [])])
+    output.print_lines([*notes, _heading(history), *lines, ""])
+    output.print_plot(plot(history))
+    output.print_lines([f"picture: {png}"] if png else [])
 
 
 def history_of(

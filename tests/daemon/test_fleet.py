@@ -57,6 +57,26 @@ def test_status_of_all_robots(fleet: str) -> None:
     assert "play warning (active)" in result.stdout
 
 
+BELL = "\x1b]0;taken over\x07"
+"""what renames the window of a terminal that obeys it"""
+
+
+def test_a_terminal_obeys_no_robot(endpoint: str) -> None:
+    """What another robot calls itself and its joints is text: control characters are written out, a row is a line."""
+    alarm = {"joint": f"elbow{BELL}", "cause": "play", "severity": "warning", "state": "active",
+             "raised": "2026-01-01T00:00:00Z", "reason": f"much\n[red]{BELL}[/red] \u202eback"}  # fmt: skip
+    answer = json.dumps({"schema": 1, "alarms": [alarm]})
+    with session("peer", listen=[endpoint]) as robot:
+        key = "lostmotion/evil/alarms"
+        queryable = robot.declare_queryable(key, lambda query: query.reply(key, answer))
+        result = call("fleet", "alarms", "--connect", endpoint, "--timeout", "2")
+        queryable.undeclare()
+    assert len(result.stdout.splitlines()) == 3, result.output
+    assert r"elbow\x1b]0;taken over" in result.stdout
+    assert r"much [red]\x1b]0;taken over" in result.stdout
+    assert r"[/red] \u202eback" in result.stdout
+
+
 def test_a_key_that_cannot_be_read_is_named(tmp_path: Path, endpoint: str) -> None:
     """Zenoh alone says that it is unable to connect."""
     key, config = tmp_path / "arm1.key", tmp_path / "robot.json5"
