@@ -7,7 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta, Struct
 
 from lostmotion.daemon import documents
 from lostmotion.daemon.commands import output, times
@@ -25,13 +28,60 @@ from lostmotion.daemon.commands.trend import (
 
 __all__ = ["alarms", "history", "status", "trend"]
 
+Moment = Annotated[datetime, Meta(tz=True)]
+
+
+class _Alarm(Struct, frozen=True):
+    joint: str
+    cause: str
+    severity: str
+    state: str
+    raised: Moment
+    reason: str
+
+
+class _Joint(Struct, frozen=True):
+    name: str
+    health: str
+    score: float | None
+    level: float | None
+    last_window: Moment | None
+    alarms: list[_Alarm]
+
+
+class _Score(Struct, frozen=True):
+    time: Moment
+    score: float | None
+    level: float | None
+    impact: bool
+    play: float | None
+    quality: str
+
+
+class _Status(Struct, frozen=True):
+    """A robot's status, as far as it is shown."""
+
+    joints: list[_Joint]
+
+
+class _Alarms(Struct, frozen=True):
+    """A list of alarms, as far as it is shown."""
+
+    alarms: list[_Alarm]
+
+
+class _History(Struct, frozen=True):
+    """A list of scores, as far as it is shown."""
+
+    scores: list[_Score]
+
 
 def status(fleet: Fleet, as_json: bool) -> int:
     """Prints the health of all joints of all robots; 1 when an endpoint or a robot did not answer.
 
     Raises FleetError.
     """
-    reply = ask(fleet, "status")
+    reply = _checked(ask(fleet, "status"), _Status)
     if as_json:
         return _json(reply, {})
     columns = ("robot", "joint", "health", "score", "level", "last window", "alarms")
@@ -44,7 +94,7 @@ def alarms(fleet: Fleet, as_json: bool) -> int:
 
     Raises FleetError.
     """
-    reply = ask(fleet, "alarms")
+    reply = _checked(ask(fleet, "alarms"), _Alarms)
     if as_json:
         return _json(reply, {})
     columns = ("robot", "joint", "cause", "severity", "state", "raised (UTC)", "reason")
@@ -57,7 +107,7 @@ def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool)
 
     A robot without such a joint has not answered.  Raises FleetError.
     """
-    reply = ask(fleet, f"{joint}/history?{_text(parameters)}")
+    reply = _checked(ask(fleet, f"{joint}/history?{_text(parameters)}"), _History)
     if as_json:
         return _json(reply, {"joint": joint})
     columns = ("robot", "time (UTC)", "score", "level", "impact", "play", "quality")
@@ -88,6 +138,19 @@ def trend(
         return _json(result, {"joint": joint})
     rows = [[robot, *table_row(one)] for robot, one in trends]
     return _table(result, ("robot", *COLUMNS), rows, "no trend", right=("count", "now", "level"))
+
+
+def _checked(reply: FleetReply, form: type[_Status | _Alarms | _History]) -> FleetReply:
+    """The answers of that form; another one is the error of its robot, and hides no other robot."""
+    documents, errors = [], dict(reply.errors)
+    for robot, answer in reply.documents:
+        try:
+            msgspec.convert(answer, form)
+        except msgspec.ValidationError as error:
+            errors[robot] = f"found another answer than was asked for ({error}); another version?"
+        else:
+            documents.append((robot, answer))
+    return replace(reply, documents=documents, errors=errors)
 
 
 def _text(parameters: dict[str, str]) -> str:

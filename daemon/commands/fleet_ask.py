@@ -26,6 +26,7 @@ __all__ = ["Fleet", "FleetError", "FleetReply", "ask"]
 
 HERE = "tcp/127.0.0.1:7447"
 """where a robot or a router listens by default"""
+NOBODY = "a robot without a name"
 AT_ONCE = 32
 """endpoints that are asked at the same time, each by a thread"""
 
@@ -132,7 +133,7 @@ def _collect(replies: Iterable[zenoh.Reply], answers: _Answers) -> None:
             else:
                 answers.errors[robot] = f"found another answer than a document with schema {SCHEMA}; another version?"
         elif reply.err and (error := _document(reply.err.payload)):  # Zenoh's own errors are of no robot
-            answers.errors[str(error["robot"])] = str(error["error"])
+            answers.errors[str(error.get("robot", NOBODY))] = str(error.get("error", "an error without words"))
 
 
 def _document(content: zenoh.ZBytes) -> dict[str, Any]:

@@ -77,6 +77,26 @@ def test_a_terminal_obeys_no_robot(endpoint: str) -> None:
     assert r"[/red] \u202eback" in result.stdout
 
 
+@pytest.mark.parametrize(
+    ("command", "key", "answer"),
+    [(["status"], "status", {"joints": [{"name": 5}]}), (["status"], "status", {}),
+     (["alarms"], "alarms", {"alarms": 5}), (["history", "elbow"], "elbow/history", {"scores": [{"time": "noon"}]})],
+)  # fmt: skip
+def test_a_robot_that_answers_nonsense_hides_no_other(
+    fleet: str, command: list[str], key: str, answer: dict[str, Any]
+) -> None:
+    """It is named with what is wrong, and the others are shown."""
+    with session("client", connect=[fleet]) as robot:
+        full = f"lostmotion/evil/{key}"
+        text = json.dumps({"schema": 1} | answer)
+        queryable = robot.declare_queryable(full, lambda query: query.reply(full, text))
+        result = call("fleet", *command, "--connect", fleet, "--timeout", "2")
+        queryable.undeclare()
+    assert result.exit_code == 1, result.stderr
+    assert "arm1 " in result.stdout
+    assert "evil: found another answer than was asked for (" in result.stdout
+
+
 def test_a_key_that_cannot_be_read_is_named(tmp_path: Path, endpoint: str) -> None:
     """Zenoh alone says that it is unable to connect."""
     key, config = tmp_path / "arm1.key", tmp_path / "robot.json5"
