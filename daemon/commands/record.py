@@ -17,7 +17,7 @@ from lostmotion.daemon.capture import head
 from lostmotion.daemon.commands.devices import Devices, Event
 from lostmotion.daemon.commands.output import counted, print_json
 from lostmotion.daemon.config import Config
-from lostmotion.drivers.base import AccelBlock, ServoReading
+from lostmotion.drivers.base import AccelBlock, JointOptions, ServoReading
 from lostmotion.drivers.errors import IdentityError, LostmotionError
 from lostmotion.drivers.recorder import Recorder
 
@@ -53,8 +53,11 @@ def record(
 
     Raises RecordError, ConfigError, DriverError.
     """
-    config = configuration.load(given, joints=accelerometer is None)
-    config = _alone(config, joint) if accelerometer is None else _sensor_alone(config, accelerometer)
+    whole = configuration.load(given, joints=accelerometer is None)
+    config = _alone(whole, joint) if accelerometer is None else _sensor_alone(whole, accelerometer)
+    if config.joints and (others := _others(whole, config.joints[0])):
+        advice = "hold it still, as a recording of one joint does not tell whose impacts are in it"
+        sys.stderr.write(f"note: {', '.join(others)} also moves {config.accelerometers[0].name}; {advice}\n")
     what = f"joint {config.joints[0].name}" if config.joints else f"accelerometer {accelerometer}"
     devices, tally = Devices(config), Tally()
     with devices:
@@ -90,6 +93,13 @@ def _alone(config: Config, asked: str | None) -> Config:
         raise RecordError(f"found {len(names)} joints, expected one; choose with --joint from {', '.join(names)}")
     joint = config.joint(asked or names[0])
     return replace(config, joints=(joint,), accelerometers=(config.accelerometer(joint.accelerometer),))
+
+
+def _others(config: Config, joint: JointOptions) -> list[str]:
+    """The other joints that move the joint's accelerometer."""
+    return [
+        one.name for one in config.joints if one != joint and joint.accelerometer in (one.accelerometer, *one.levers_m)
+    ]
 
 
 def _sensor_alone(config: Config, name: str) -> Config:
