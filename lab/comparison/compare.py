@@ -28,7 +28,7 @@ from lostmotion.lab.comparison.residual_analysis import (
 from lostmotion.lab.comparison.torque import TORQUE, needed_torques
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.excerpt import excerpts
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.noise import noise_models
 from lostmotion.lab.data.whiteness import fit_percent
 from lostmotion.lab.discrepancy.describe import described
@@ -38,7 +38,10 @@ from lostmotion.lab.fitting.strategy import unfitted
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.likelihood import Method, is_noise
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.release import released
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, segment_of
 from lostmotion.lab.shooting.parameters import free_names
@@ -192,7 +195,8 @@ def compare(
 ) -> Comparison:
     """Compares the model with the experiments.
 
-    starts: the state (n,) at the first sample of each experiment, by default estimated; recordings: those of the
+    starts: the state (n,) at the first sample of each experiment, by default estimated, and with it the zero of the
+    place of what is not commanded; recordings: those of the
     experiments, for their temperature; is_described: whether to search for the equation in which the residual arises.
     Raises ModelError where the model cannot be simulated.
     """
@@ -205,6 +209,8 @@ def compare(
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
         return replace(found, delay_s=channel.delay_s, localisation=None if found.is_noise else left)
+    if method is Method.MOTION and model.base != "servo":
+        experiments = [_with_zero(model, one) for one in experiments]
     floor = noise_models(experiments)
     if starts is None:
         starts = [_start(model, one, floor) for one in experiments]
@@ -252,6 +258,18 @@ def _overlays(
             unit = words.column(name, experiment.is_linear, experiment.drive_unit)[1]
             yield Overlay(experiment.name, name, unit, experiment.time, measured, prediction.trajectory[name],
                           columns[name].noise.rms, horizon)  # fmt: skip
+
+
+def _with_zero(model: Model, experiment: Experiment) -> Experiment:
+    """The experiment with its place counted from the zero of the model: as a fit does, which has one of its own for
+    each recording but the first.  Three films with zeros 0.8 rad apart, fitted to 3.4 arcminutes, had an error of 31
+    degrees."""
+    if ACCEL in experiment.measured:
+        return experiment
+    fixed, signals = held(model, free_names(model)), Signals.of(experiment)
+    data = replace(OutputError.of([signals], fixed), is_anchored=False)
+    ((zero, _),) = data.starts(regressed(fixed, data).nuisance)
+    return signals.shifted(zero).experiment
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:

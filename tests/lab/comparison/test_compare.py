@@ -12,6 +12,7 @@ import pytest
 from bench.hidden_effects.motion import hand_waved
 from bench.hidden_effects.physics import follow, simulate
 from click.testing import CliRunner, Result
+from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording, read_recording, write_recording
 from lostmotion.lab.commands.group import compare as command
@@ -244,3 +245,23 @@ def test_silverbox(real_data: Measurements) -> None:
     assert found.columns["displacement"].noise.rms < 0.2 * found.rms("displacement")
     assert found.localisation is not None
     assert found.localisation.acts_on == "oscillator"
+
+
+def test_recordings_with_zeros_of_their_own(tmp_path: Path) -> None:
+    """Three films of one pendulum, measured from where the user liked: a fitted model follows all of them, and one
+    alone."""
+    rng, times, paths = np.random.default_rng(1), np.arange(0.0, 12.0, 0.02), []
+    for at, (swing, zero) in enumerate(((0.8, 0.0), (0.6, 0.5), (1.0, -0.8))):
+        motion = solve_ivp(lambda _, y: (y[1], -20 * np.sin(y[0]) - 0.15 * y[1]), (0, 12), (swing, 0), "DOP853", times,
+                           rtol=1e-9)  # fmt: skip
+        paths.append(tmp_path / f"film{at}.csv")
+        columns = {"position": zero + motion.y[0] + rng.normal(0, 1e-3, times.size)}
+        write_recording(Recording(times, columns, name=paths[-1].name), paths[-1])
+    model = tmp_path / "model.toml"
+    values = "gravity_torque.tau_g = 4e-3\nviscous_friction.b_v = 3e-5"
+    effects = 'effects = ["gravity_torque", "viscous_friction"]'
+    model.write_text(f'base = "joint"\n{effects}\n[parameters]\nJ = 2e-4\n{values}\n')
+    for recordings in (paths, paths[1:2]):
+        found = json.loads(run(model, *recordings, "--json").stdout)
+        assert found["error"]["after"] == pytest.approx(1e-3, rel=0.1)
+        assert found["is_noise"]
