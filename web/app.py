@@ -12,7 +12,7 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
@@ -39,7 +39,12 @@ def create_app(site: Site, keys: Keys) -> Starlette:
     app = Starlette(
         routes=[*_routes()],
         middleware=[security, Middleware(GZipMiddleware, minimum_size=SMALLEST_ZIPPED)],
-        exception_handlers={HTTPException: _http_error, LostmotionError: trouble, Exception: trouble},
+        exception_handlers={
+            HTTPException: _http_error,
+            ClientDisconnect: _gone,
+            LostmotionError: trouble,
+            Exception: trouble,
+        },
         lifespan=partial(_lifespan, site),
     )
     app.state.fleet = fleet.Watch(site.fleet) if site.fleet else None
@@ -80,3 +85,8 @@ async def _health(request: Request) -> Response:
 async def _http_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     return await trouble(request, error, status=error.status_code)
+
+
+async def _gone(request: Request, error: Exception) -> Response:
+    """Who asked has left before the end of the request: nobody reads the answer, and it is no error of the server."""
+    return PlainTextResponse("the request has no end\n", 400)

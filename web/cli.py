@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import sys
 from pathlib import Path
@@ -103,7 +104,7 @@ def _serve(site: Site, options: WebOptions, address: tuple[str, int], keys: Keys
     import uvicorn
 
     from lostmotion.web.app import create_app
-    from lostmotion.web.connections import MOST_OPEN, Connection
+    from lostmotion.web.connections import MOST_OPEN, Connection, is_worth_a_line
 
     certificate, key = (
         str(expanded(f"web.{name}", path)) if path else None
@@ -117,6 +118,7 @@ def _serve(site: Site, options: WebOptions, address: tuple[str, int], keys: Keys
         settings.load()
     except OSError as error:  # those of ssl, too
         raise WebError(f"web.certificate, web.key: {certificate}, {key} cannot be used: {error}") from error
+    logging.getLogger("uvicorn.error").addFilter(is_worth_a_line)
     with _bound(options, address) as listener:
         port = listener.getsockname()[1]
         scheme = "https" if options.certificate else "http"

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import logging
 from typing import Any
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["MOST_OPEN", "MOST_WAITING", "Connection"]
+__all__ = ["MOST_OPEN", "MOST_WAITING", "Connection", "is_worth_a_line"]
 
 MOST_OPEN = 128
 """open at the same time, those that wait included; one more is answered with status 503"""
 MOST_WAITING = 32
 """whose request is not complete, or that are kept for the next one: a browser keeps six, for 5 s"""
 _arrivals = itertools.count()
+
+
+def is_worth_a_line(record: logging.LogRecord) -> bool:
+    """A filter of uvicorn's log: a request that the end of the server cuts off is no error."""
+    return not (record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError))
 
 
 class Connection(H11Protocol):
@@ -39,6 +45,12 @@ class Connection(H11Protocol):
         super().data_received(data)
         if not self.is_waiting:
             self._arrived = next(_arrivals)
+
+    def shutdown(self) -> None:
+        """As the server ends: what would not end by itself, a stream of events or half a request, is cut off."""
+        super().shutdown()
+        if self.is_waiting or (self.scope and self.scope["path"].endswith("/events")):
+            self.transport.close()
 
     @property
     def is_waiting(self) -> bool:

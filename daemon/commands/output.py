@@ -191,8 +191,8 @@ def counted(count: int, noun: str) -> str:
 
 
 def number(value: float) -> str:
-    """A score with two decimals, "-" where there is none."""
-    return "-" if math.isnan(value) else f"{value:.2f}"
+    """A score with two decimals, "-" where there is none; one of a million and more with three digits."""
+    return "-" if math.isnan(value) else f"{value:.2f}" if abs(value) < 1e6 else f"{value:.3g}"
 
 
 def arcmin(angle: float) -> str:

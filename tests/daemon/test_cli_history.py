@@ -390,6 +390,16 @@ def test_trend_in_a_terminal_without_colours(
     assert (b"\x1b" in text) is is_coloured
 
 
+def test_a_score_beyond_all_bounds_is_short() -> None:
+    """A row stays readable with a score of 1e300, which another program or robot may have written."""
+    assert [output.number(score) for score in (math.nan, 2.345, 999_999.0, 9e300)] == [
+        "-",
+        "2.35",
+        "999999.00",
+        "9e+300",
+    ]
+
+
 def test_trend_picture(database: Path, tmp_path: Path) -> None:
     """--png writes a picture of some size; stdout still is one JSON document."""
     picture = tmp_path / "trend.PNG"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import http.client
+import signal
 import socket
 import ssl
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
@@ -18,6 +19,7 @@ from playwright.sync_api import expect
 from lostmotion.web.security import Throttle, hash_password
 from tests.conftest import ROOT
 from tests.daemon.cli_world import call, is_one_line
+from tests.daemon.conftest import wait_until
 from tests.web.conftest import Open, Serve, Site
 from tests.web.world import fill, robot
 
@@ -181,12 +183,36 @@ def test_half_a_request_keeps_nobody_out(open_site: Site, begun: bytes) -> None:
     """Where 200 connections have not sent a whole request, another one is answered, and the oldest are closed."""
     url = urlsplit(open_site.address)
     with ExitStack() as stack:
-        others = [stack.enter_context(socket.create_connection((url.hostname, url.port))) for _ in range(200)]
-        for other in others:
-            other.sendall(begun)
+        others = []
+        for _ in range(200):
+            others.append(stack.enter_context(socket.create_connection((url.hostname, url.port))))
+            others[-1].sendall(begun)
         assert open_site.ask("GET", "/health")[0] == 200
         others[0].settimeout(20)
-        assert others[0].recv(1) == b""
+        with suppress(ConnectionResetError):
+            assert others[0].recv(1) == b""
+
+
+def test_the_end_is_quick_and_quiet(tmp_path: Path, serve: Serve) -> None:
+    """Ctrl-C while a page hears the news and an upload has stopped halfway, after another one was given up: no
+    traceback, and no wait for what would not end."""
+    fill(tmp_path / "history.db", count=20)
+    site = serve("--config", robot(tmp_path))
+    url = urlsplit(site.address)
+    upload = f"POST /api/lab/recordings?name=a.csv HTTP/1.1\r\nHost: localhost\r\nX-CSRF-Token: {site.csrf()}\r\n"
+    with ExitStack() as stack:
+        given_up, stopped, page = (
+            stack.enter_context(socket.create_connection((url.hostname, url.port))) for _ in range(3)
+        )
+        for one in (given_up, stopped):
+            one.sendall(f"{upload}Content-Length: 99\r\n\r\ntime,accel\n".encode())
+        page.sendall(b"GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert page.recv(100).startswith(b"HTTP/1.1 200")
+        given_up.close()
+        wait_until(lambda: len(list((tmp_path / "lab" / "recordings").glob(".*.part"))) == 1)
+        site.process.send_signal(signal.SIGINT)
+        site.process.wait(60)
+    assert [line for line in site.log.splitlines() if not line.startswith("serving ")] == []
 
 
 @pytest.mark.parametrize(
