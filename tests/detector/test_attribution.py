@@ -202,11 +202,11 @@ def test_any_bar_at_any_rate(rate: float, f_res: float, length: float) -> None:
 
 @pytest.mark.slow
 def test_probabilities_are_kept_and_no_more_cautious_than_they_were() -> None:
-    """Six pairs of motions in noise of 0.3 m/s², one, none or both worn, after 2 to 16 windows: of the answers of 95 %
+    """Four pairs of motions in noise of 0.3 m/s², one, none or both worn, after 2 to 16 windows: of the answers of 95 %
     and more at least 95 % are right, and wrong ones are fewer than by the probabilities.  40 to 57 % of the answers are
     that sure; with 0.6 times the TRUST 29 % were, with 1.7 times 65 %."""
     made = []
-    for pair in range(6):
+    for pair in range(4):
         seeds = (200 + 2 * pair, 201 + 2 * pair)
         for worn in ((), (0,), (1,), (0, 1)):
             windows = evidence_of(worn, seeds=seeds, noise=0.3)

@@ -72,18 +72,20 @@ def flicked(rng: np.random.Generator, f_res: float, zeta: float, wander: float, 
 @pytest.mark.slow
 @pytest.mark.parametrize(("f_res", "wander", "lost"), [(None, 0.0, 0.0), (58.0, 0.0, 0.0), (None, 3e-4, 5e-4)])
 def test_intervals_cover(f_res: float | None, wander: float, lost: float) -> None:
-    """Of 200 bars 90 to 99 % of the intervals hold the truth, nearly all taps are found, and no hum, of which there is
-    none: with even samples, with a bar near 60 Hz, and with times that wander and samples that are lost."""
+    """Of 120 bars 90 % of the intervals and more hold the truth, 99 % of both kinds at most, nearly all taps are found,
+    and no hum, of which there is none: with even samples, with a bar near 60 Hz, and with times that wander and samples
+    that are lost."""
     held, taps, hums = [], 0, 0
-    for seed in range(200):
+    for seed in range(120):
         rng = np.random.default_rng([7100, seed])
         truth, zeta = f_res or rng.uniform(30, 120), rng.uniform(0.006, 0.02)
         found = pooled([find_taps(*flicked(rng, truth, zeta, wander, lost))])
         held.append((found.f_res_hz.low <= truth <= found.f_res_hz.high, found.zeta.low <= zeta <= found.zeta.high))
         taps, hums = taps + found.taps, hums + (found.mains_hz is not None)
-    assert 0.90 <= np.mean(held, axis=0).min() <= np.mean(held, axis=0).max() <= 0.995
-    assert taps >= 0.97 * 6 * 200
-    assert hums <= 4
+    assert np.mean(held, axis=0).min() >= 0.90
+    assert np.mean(held) <= 0.99
+    assert taps >= 0.97 * 6 * 120
+    assert hums <= 2
 
 
 def test_hum_is_named() -> None:
