@@ -9,13 +9,15 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from lostmotion.model.errors import ModelError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 __all__ = ["Chirp", "FloatArray", "HandWaved", "Motion", "Sampled", "Sine", "Step", "by_name"]
 
@@ -214,6 +216,8 @@ class Sampled:
 
     @cached_property
     def _spline(self) -> CubicSpline[np.float64]:
+        from scipy.interpolate import CubicSpline  # late: it takes longer than all else that a closed form needs
+
         return CubicSpline(self.time, self.values)
 
     @cached_property

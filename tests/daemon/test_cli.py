@@ -101,6 +101,17 @@ def test_help_imports_nothing_heavy(command: list[str], tmp_path: Path) -> None:
     assert imported_by(*command, "--help", folder=tmp_path) == set()
 
 
+def test_a_motion_in_closed_form_needs_no_spline(tmp_path: Path) -> None:
+    """A simulation loads numba, and of SciPy only what numba asks for: ``scipy.interpolate`` alone takes as long."""
+    code = (
+        "import sys\nfrom lostmotion.daemon.cli import main\nsys.argv[1:] = ['simulate', 'joint', '--motion', 'sine:1',"
+        " '-o', 'a.csv', '--duration', '0.1']\ntry: main()\nexcept SystemExit as end: print(end.code)\n"
+        "print('numba' in sys.modules, 'scipy.interpolate' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stdout.split()[-3:] == ["0", "True", "False"], done.stderr
+
+
 def test_run_on_hardware_loads_no_heavy_package(tmp_path: Path) -> None:
     """The service on serial ports runs without SciPy, numba, plots or tables in memory."""
     (tmp_path / "robot.toml").write_text(HARDWARE)
