@@ -1,16 +1,19 @@
 """What the service costs on emulated hardware: share of a core, resident memory, and windows lost.
 
     python -m bench.service [--duration 600] [--accel csv:1000] [--sinks]
+    python -m bench.service [--duration 600] --arm
 
 Six AX-12A at 100 Hz on one line and one accelerometer answer from another process.  What a process costs that at the
 same time only exchanges as many bytes (``floor.py``) stands beside it: the floor that wake-ups set on this machine, and
-what another program on it adds to both.  With --sinks Zenoh, CAN and metrics are on as well, and heard.
+what another program on it adds to both.  With --sinks Zenoh, CAN and metrics are on as well, and heard.  With --arm it
+is README's arm instead, without sinks: two servos, of which one has play, so that its size is estimated.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -26,6 +29,7 @@ from bench.sinks import all_sinks
 
 GOAL_CORE, GOAL_MB = 0.05, 75.0
 WARM_UP_S = 5.0
+README = Path(__file__).parent.parent / "README.md"
 JOINT = """
 [[joint]]
 name = "j{0}"
@@ -44,7 +48,14 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser.add_argument("--duration", type=float, default=30.0, help="seconds for each accelerometer")
     parser.add_argument("--accel", action="append", help="csv:1000 or witmotion:200; may be given twice")
     parser.add_argument("--sinks", action="store_true", help="Zenoh, CAN and metrics on")
+    parser.add_argument("--arm", action="store_true", help="README's arm, without sinks")
     given = parser.parse_args(arguments)
+    if given.arm:
+        core, now, most, scored = measure_arm(given.duration)
+        print(
+            f"README's arm, {given.duration:g} s: {core:.1%} of a core, {now:.1f} MB, most {most:.1f}, {scored} windows"
+        )
+        return
     print(f"service, 6 AX-12A at 100 Hz, {given.duration:g} s{', all sinks on' if given.sinks else ''}")
     print(f"goal: at most {GOAL_CORE:.0%} of a core and {GOAL_MB:g} MB, no window lost")
     print(
@@ -90,6 +101,28 @@ def measure(accel: str, duration_s: float, tables: str) -> tuple[Cost, tuple[int
     return cost, windows(text)
 
 
+def measure_arm(duration_s: float) -> tuple[float, float, float, int]:
+    """Of README's arm: share of a core after the warm-up, resident memory [MB] at the end and at most, windows."""
+    (text,) = re.findall(r"```toml\n(.*?)\[alarm.zenoh\]", README.read_text(), re.DOTALL)
+    levers = ("--levers", "0.25,0.10")
+    with (
+        tempfile.TemporaryDirectory() as name,
+        running_emulators("csv:1000", *levers, servos="ax12:2,3") as (servos, sensor),
+    ):
+        names = {"/dev/ttyUSB0": servos, "/dev/ttyUSB1": sensor, "/var/lib/lostmotion": name}
+        path = Path(name) / "arm.toml"
+        path.write_text(re.sub("|".join(names), lambda found: names[found[0]], text))
+        with subprocess.Popen(run_command(path), stderr=subprocess.PIPE, text=True) as process:
+            time.sleep(WARM_UP_S)
+            before = cpu_seconds(process.pid)
+            time.sleep(max(duration_s - WARM_UP_S, 1.0))
+            core = (cpu_seconds(process.pid) - before) / max(duration_s - WARM_UP_S, 1.0)
+            now, most = memory_mb(process.pid, "VmRSS"), memory_mb(process.pid, "VmHWM")
+            process.send_signal(signal.SIGTERM)
+            scored = windows(process.communicate(timeout=30)[1])[1]
+    return core, now, most, scored
+
+
 @contextmanager
 def running_floor(accel: str) -> Iterator[int]:
     """A process that only exchanges the service's bytes, with emulators of its own; its number."""
@@ -101,9 +134,9 @@ def running_floor(accel: str) -> Iterator[int]:
 
 
 @contextmanager
-def running_emulators(accel: str, *options: str) -> Iterator[list[str]]:
+def running_emulators(accel: str, *options: str, servos: str = "ax12:1,2,3,4,5,6") -> Iterator[list[str]]:
     """The servos and the accelerometer in a process of their own; their ports."""
-    command = [sys.executable, "-m", "lostmotion.drivers.emulator", "--servos", "ax12:1,2,3,4,5,6", "--accel", accel]
+    command = [sys.executable, "-m", "lostmotion.drivers.emulator", "--servos", servos, "--accel", accel]
     command += options
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
         assert emulator.stdout is not None

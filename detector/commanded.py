@@ -301,9 +301,9 @@ def _weights(angle: FloatArray) -> tuple[FloatArray, float]:
     return 1.0 / np.bincount(run)[run], max(step / math.sqrt(12), EXACT)
 
 
-@lru_cache(maxsize=8)
 def _grid(count: int, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Polynomials on an even grid, shape (count, degree + 1), and their pseudo-inverse."""
+    """Polynomials on an even grid, shape (count, degree + 1), and their pseudo-inverse.  Not cached: of 418 windows of
+    README's arm 66 could use one of the last eight, which took a megabyte."""
     basis = legendre.values(np.linspace(-1, 1, count), degree)
     return basis, np.asarray(np.linalg.pinv(basis))
 
