@@ -15,10 +15,10 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from tests.conftest import CHROMIUM
 from tests.daemon.cli_world import PROGRAM
 from tests.daemon.conftest import wait_until
 
-CHROMIUM = Path("/usr/bin/chromium")
 DEADLINE_MS = 30_000
 """for what a busy machine does at once when it is idle"""
 

@@ -21,9 +21,9 @@ from lostmotion.lab.report import write_report
 from lostmotion.lab.report.signals import packed, signals
 from lostmotion.lab.report.tags import p_value, probability
 from lostmotion.lab.report.views import Trace
+from tests.conftest import CHROMIUM
 from tests.lab import report_example
 
-CHROMIUM = Path("/usr/bin/chromium")
 TITLE = 'Elbow </script><script>alert("1")</script> & arm'
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 
@@ -228,7 +228,7 @@ def browser(path: Path, **options: Any) -> Iterator[Any]:
         pytest.skip(f"needs {CHROMIUM}")
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
-        page = chromium.new_page(**options)
+        page = chromium.new_page(locale="en-GB", **options)
         complaints: list[str] = []
         requests: list[str] = []
         page.on("console", lambda message: complaints.append(message.text))
