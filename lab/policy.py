@@ -52,10 +52,10 @@ took 2 % of a TX40's error (p = 0.001) halved the estimates of viscous and Coulo
 to a simulated motion has to take it in its first few steps to be continued: effects that were named later had then
 taken 30 % or more (servos and oscillators of ``bench.real``), and with a thousandth instead the names are the same."""
 LEAST_SHARE = 1e-4
-"""Share of the first model's squared error that an effect has to take: a hundredth of its amplitude.  On a robot's
-shoulder gravity and three kinds of friction left 1e-4; a ripple and a spring that took 7e-6 and -1e-5 of the error
-on unseen data were then significant.  The smallest effect that is known to be there in 60 real cases takes 4e-4
-(viscous friction of a damper)."""
+"""Share of the first model's squared error of a torque that an effect has to take: a hundredth of its amplitude.  On a
+robot's shoulder gravity and three kinds of friction left 1e-4; a ripple and a spring that took 7e-6 and -1e-5 of the
+error on unseen data were then significant.  The smallest effect that is known to be there in 60 real cases takes 4e-4
+(viscous friction of a damper).  Simulated motions have no such limit: without its friction a part may be anywhere."""
 STRUCTURED = 1.6
 """Times the noise within the band, above which the residual is more than noise.  It covers the error of the noise
 floor, which is extrapolated from above the band."""

@@ -247,6 +247,10 @@ class ShortSegments:
             return policy.FAR_GAIN
         return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, 0.0)
 
+    def least_taken(self, first: SegmentFit) -> float:
+        """None, as the error of impacts at other times, of up to a hundred times the noise, is no scale."""
+        return 0.0
+
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard
         deviations.  Otherwise only the initial values of its states explain something, as those of a second mode that

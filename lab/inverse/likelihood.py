@@ -250,6 +250,12 @@ class WholeMotion:
         is_followed = isinstance(data, OutputError) and now.rms < data.accuracy
         return 1.0 if is_followed else policy.LEAST_GAIN
 
+    def least_taken(self, first: Fitted) -> float:
+        """``policy.LEAST_SHARE`` of the squared error of the first model, if that is of a torque.  A simulated motion
+        without its friction goes any way: 8 rad of an unbalanced wheel that coasts down hid its weight, which took half
+        of what was left beside two frictions."""
+        return policy.LEAST_SHARE * first.rms**2 if self.method is Method.TORQUE else 0.0
+
     def is_sized(self, effect: str, fit: Fitted) -> bool:
         """Whether the size of an effect differs from zero; see ``effect_sizes.is_sized``."""
         return is_sized(effect, fit.judged)

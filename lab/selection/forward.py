@@ -87,6 +87,9 @@ class Likelihood(Protocol[F]):
     def least_gain(self, fit: F, now: F) -> float:
         """The share of the squared error that an effect must take to be named."""
 
+    def least_taken(self, first: F) -> float:
+        """The squared error that an effect must take to be named; first: the fit of the model as it is."""
+
     def is_sized(self, effect: str, fit: F) -> bool:
         """Whether the size of an effect differs from zero."""
 
@@ -146,7 +149,7 @@ def selected(
             progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
             found = step(now, tuple(added), likelihood)
             several = [found] if found.is_accepted else _pair(found, now, tuple(added), likelihood)
-            several = [] if several and _is_slight(several[-1], now, fits[0]) else several
+            several = [] if several and _is_slight(several[-1], now, likelihood.least_taken(fits[0])) else several
             steps += several or [found]
             for one in several:
                 now = likelihood.accepted(one.judged[0].fit, now)
@@ -168,10 +171,9 @@ def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str
     return [label if label in effects else next(new, labels[-1]) for label in labels]
 
 
-def _is_slight(step: Step[F], now: F, first: F) -> bool:
-    """Whether an accepted step reduces the error of the first model only slightly, however significant it is."""
-    taken = step.judged[0].gain * now.rms**2
-    return taken < policy.LEAST_SHARE * first.rms**2
+def _is_slight(step: Step[F], now: F, least: float) -> bool:
+    """Whether an accepted step takes less than ``least`` of the squared error, however significant it is."""
+    return step.judged[0].gain * now.rms**2 < least
 
 
 def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:

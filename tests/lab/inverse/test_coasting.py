@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
@@ -17,6 +18,7 @@ from tests.lab.inverse.test_inverse import explained
 
 RATE_HZ, LENGTH_S, COUNT = 50.0, 24.0, 2 * np.pi / 2048
 TIMES = np.arange(0.0, LENGTH_S, 1 / RATE_HZ)
+UNBALANCE = 0.02  # torque of the weight over the inertia [rad/s²]
 
 
 def turned(viscous: float, dry: float, released_s: float = 0.0, speed: float = 40.0) -> FloatArray:
@@ -56,3 +58,21 @@ def test_only_a_shaft_has_no_constant_torque() -> None:
         angle = turned(0.06, 1.5) / turned(0.06, 1.5)[-1] * 2 * np.pi * turns
         (shaft,) = experiments(model, [Recording(TIMES, {"position": angle}, name="shaft.csv")])
         assert with_scale(model, [shaft])[0].parameters["bias"].fixed == is_held
+
+
+@pytest.mark.slow
+def test_a_small_weight_shows_beside_the_frictions_of_a_wheel(tmp_path: Path) -> None:
+    """A wheel with viscous and dry friction whose unbalance is a twentieth of them: it changes the angle by a ten
+    thousandth of what the friction does, and by ten times the noise.  A ripple of once a turn is the same torque."""
+
+    def slope(_: float, state: FloatArray) -> list[float]:
+        return [state[1], -0.01 * state[1] - 0.25 - UNBALANCE * np.sin(state[0] + 0.7)]
+
+    times = np.arange(0.0, 34.0, 0.02)
+    run = solve_ivp(slope, (0.0, times[-1]), [0.0, 13.0], "DOP853", times, rtol=1e-10, atol=1e-10)
+    assert run.y[1].min() > 0.5  # it does not come to rest
+    wheel = Recording(times, {"position": np.round(run.y[0] / COUNT) * COUNT}, name="wheel.csv")
+    found = explained(tmp_path, 'base = "joint"\n', [wheel])
+    assert {"viscous_friction", "coulomb_friction"} < set(found["missing"])
+    assert {"torque_ripple", "gravity_torque"} & set(found["missing"])
+    assert found["error"]["after"] < 3 * COUNT

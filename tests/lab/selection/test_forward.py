@@ -90,6 +90,9 @@ class Columns:
         block = np.arange(SAMPLES // 2) // BLOCK
         return Predictions(one.left[1::2] ** 2, other.left[1::2] ** 2, block)
 
+    def least_taken(self, first: Regressed) -> float:
+        return 0.0
+
     def least_gain(self, fit: Regressed, now: Regressed) -> float:
         """A twentieth."""
         return 0.05
@@ -143,6 +146,9 @@ class EquallyWrong(Columns):
     ) -> Iterator[Proposals[Regressed]]:
         """Three at the first step, then none."""
         yield Proposals([] if added else [(name, self.fit([name])) for name in self.columns])
+
+    def least_taken(self, first: Regressed) -> float:
+        return 0.0
 
     def least_gain(self, fit: Regressed, now: Regressed) -> float:
         """None, so that the test alone decides."""
