@@ -196,9 +196,8 @@ def compare(
     """Compares the model with the experiments.
 
     starts: the state (n,) at the first sample of each experiment, by default estimated, and with it the zero of the
-    place of what is not commanded; recordings: those of the
-    experiments, for their temperature; is_described: whether to search for the equation in which the residual arises.
-    Raises ModelError where the model cannot be simulated.
+    place of what is not commanded; recordings: those of the experiments, for their temperature; is_described: whether
+    to search for the equation in which the residual arises.  Raises ModelError where the model cannot be simulated.
     """
     method = method_of(model, experiments) if starts is None else None
     experiments = released(experiments) if method else experiments
@@ -209,7 +208,7 @@ def compare(
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
         return replace(found, delay_s=channel.delay_s, localisation=None if found.is_noise else left)
-    if method is Method.MOTION and model.base != "servo":
+    if starts is None and method is Method.MOTION and model.base != "servo":
         experiments = [_with_zero(model, one) for one in experiments]
     floor = noise_models(experiments)
     if starts is None:

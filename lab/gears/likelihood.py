@@ -202,7 +202,7 @@ class ShortSegments:
         alike = [one for one in [fit, *found] if not self.predictions(one, best).is_better(len(found))]
         again = [one for one in alike if one is not fit]  # on segments of the same length
         is_lost = fit in alike and all(one.model.effects != fit.model.effects for one in again)
-        kept = fit if is_lost or not again else self._with_least_error(again)
+        kept = fit if is_lost else self._with_least_error(again)
         pairs = dict.fromkeys(_exchanged(kept.model, one.model) for one in alike)
         kept = fit if kept.model.effects == fit.model.effects else kept
         return replace(kept, alike=tuple(pair for pair in pairs if pair))
