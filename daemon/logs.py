@@ -5,8 +5,10 @@ Fields come with a record as ``extra={"fields": {...}}``; journald gets them as 
 
 from __future__ import annotations
 
+import io
 import logging
 import os
+import select
 import socket
 import struct
 import sys
@@ -24,7 +26,8 @@ PRIORITY = {logging.CRITICAL: 2, logging.ERROR: 3, logging.WARNING: 4, logging.I
 """sd-daemon(3); other levels count as the next lower one"""
 JOURNAL = Path("/run/systemd/journal/socket")
 PATIENCE_S = 1.0
-"""how long a line waits for a journald that takes nothing, as on a failing disk [s]; those after it do not wait"""
+"""how long a line waits for a reader that takes nothing, such as a journald on a failing disk, or a pipe whose reader
+is stopped [s]; those after it do not wait"""
 
 
 def setup(environment: Mapping[str, str] = os.environ, journal: Path = JOURNAL) -> None:
@@ -51,8 +54,57 @@ class OneLineHandler(logging.Handler):
             sys.stderr.write(f"a line of the log is missing: {sys.exc_info()[1]!r}\n")
 
 
-class StderrHandler(OneLineHandler, logging.StreamHandler[TextIO]):
+class PatientHandler(OneLineHandler):
+    """A reader that hangs costs lines, which are counted, and not the service that writes them."""
+
+    reader = ""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._missing = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            self._deliver(record, 0.0 if self._missing else PATIENCE_S)
+            if self._missing:
+                self._tell_missing()
+        except (TimeoutError, BlockingIOError):
+            self._missing += 1
+        except Exception:  # noqa: BLE001 - as logging's own handlers
+            self.handleError(record)
+
+    def _deliver(self, record: logging.LogRecord, seconds: float) -> None:
+        """Writes the record.  Raises TimeoutError or BlockingIOError if the reader takes nothing for that time."""
+        raise NotImplementedError
+
+    def _tell_missing(self) -> None:
+        line = f"{self._missing} lines of the log are missing here: {self.reader} took none for a time"
+        record = logging.makeLogRecord(
+            {"name": __name__, "levelno": logging.WARNING, "levelname": "WARNING", "msg": line}
+        )
+        self._deliver(record, 0.0)
+        self._missing = 0
+
+
+class StderrHandler(PatientHandler):
     """Lines on standard error."""
+
+    reader = "the reader of standard error"
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+
+    def _deliver(self, record: logging.LogRecord, seconds: float) -> None:
+        line = self.format(record) + "\n"
+        try:
+            descriptor = self._stream.fileno()
+        except io.UnsupportedOperation:  # no file, but memory of this process
+            self._stream.write(line)
+            return
+        data = line.encode(self._stream.encoding, "backslashreplace")
+        while data:
+            data = data[_write_some(descriptor, data, seconds) :]
 
 
 class TimeFormatter(logging.Formatter):
@@ -73,39 +125,29 @@ class PriorityFormatter(logging.Formatter):
         return "\n".join(f"<{_priority(record)}>{line}" for line in super().format(record).splitlines())
 
 
-class JournalHandler(OneLineHandler):
+class JournalHandler(PatientHandler):
     """Speaks journald's own protocol (systemd.io/JOURNAL_NATIVE_PROTOCOL): one datagram a record.
 
-    In place of systemd-python, which needs a compiler and systemd's headers to be installed.  A journald that hangs
-    costs lines, which are counted, and not the service that writes them.
+    In place of systemd-python, which needs a compiler and systemd's headers to be installed.
     """
+
+    reader = "journald"
 
     def __init__(self, journal: Path) -> None:
         super().__init__()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
         self._journal = str(journal)
-        self._missing = 0
         self._stderr = StderrHandler(sys.stderr)
         self._stderr.setFormatter(PriorityFormatter("%(message)s"))
 
-    def emit(self, record: logging.LogRecord) -> None:
+    def _deliver(self, record: logging.LogRecord, seconds: float) -> None:
+        self._socket.settimeout(seconds)
         try:
-            self._socket.settimeout(0.0 if self._missing else PATIENCE_S)
             self._socket.sendto(self._datagram(record), self._journal)
-            if self._missing:
-                self._tell_missing()
         except (TimeoutError, BlockingIOError):
-            self._missing += 1
+            raise
         except OSError:  # journald restarts, or the record is too long for a datagram
             self._stderr.handle(record)
-        except Exception:  # noqa: BLE001 - as logging's own handlers
-            self.handleError(record)
-
-    def _tell_missing(self) -> None:
-        line = f"{self._missing} lines of the log are missing here: journald took none for a time"
-        record = logging.makeLogRecord({"name": __name__, "levelno": logging.WARNING, "msg": line})
-        self._socket.sendto(self._datagram(record), self._journal)
-        self._missing = 0
 
     def _datagram(self, record: logging.LogRecord) -> bytes:
         fields = {
@@ -121,6 +163,18 @@ class JournalHandler(OneLineHandler):
     def close(self) -> None:
         self._socket.close()
         super().close()
+
+
+def _write_some(descriptor: int, data: bytes, seconds: float) -> int:
+    """Writes the begin of the data; the number of bytes.  Raises TimeoutError if there is no room within that time.
+
+    A pipe that is ready takes ``PIPE_BUF`` bytes without waiting, however little it holds.
+    """
+    room = select.poll()
+    room.register(descriptor, select.POLLOUT)
+    if not room.poll(1000 * seconds):
+        raise TimeoutError
+    return os.write(descriptor, data[: select.PIPE_BUF])
 
 
 def _priority(record: logging.LogRecord) -> int:

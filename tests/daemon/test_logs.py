@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import socket
 import struct
 import time
@@ -109,6 +110,28 @@ def test_a_journald_that_hangs_holds_nobody_up(journal: socket.socket, monkeypat
     missing = fields(journal.recv(10_000))
     assert missing["MESSAGE"].startswith(f"{5000 - max(taken)} lines of the log are missing here")
     assert missing["PRIORITY"] == "4"
+
+
+def test_a_reader_of_standard_error_that_hangs_holds_nobody_up(
+    journal: socket.socket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same of a pipe whose reader is stopped, as in ``lostmotion run 2>&1 | less``."""
+    monkeypatch.setattr(logs, "PATIENCE_S", 0.1)
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb", buffering=0) as reader, os.fdopen(writing, "w") as pipe:
+        monkeypatch.setattr("sys.stderr", pipe)
+        logs.setup({})
+        log, start = logging.getLogger("lostmotion"), time.monotonic()
+        for number in range(5000):
+            log.warning("line %d", number)
+        assert time.monotonic() - start < 30  # waiting for each would take 500 s
+        taken = reader.read(2**20).decode().splitlines()
+        assert all(line.endswith(f"WARNING line {number}") for number, line in enumerate(taken))
+        log.warning("once more")
+        once, missing = reader.read(2**20).decode().splitlines()
+    assert once.endswith("WARNING once more")
+    reason = "the reader of standard error took none for a time"
+    assert missing.endswith(f"WARNING {5000 - len(taken)} lines of the log are missing here: {reason}")
 
 
 @pytest.mark.parametrize("environment", [{}, {"JOURNAL_STREAM": "8:1"}])
