@@ -47,10 +47,6 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-LONG_COMPILE_S = 2.0
-"""Processor time above which the model was compiled [s]: a compiled one is loaded in half a second."""
-LOOK_S = 0.5
-"""how often that is looked at [s]"""
 STEP_S = 0.5
 """A step where time is skipped [s]."""
 MOST_RATE = 1e4
@@ -139,24 +135,24 @@ class SimulatedRobot(VirtualClock):
 
 @contextmanager
 def _told_when_compiled() -> Iterator[None]:
-    """Lines in the log when the model turns out to be compiled, as it is once on a machine, and when that is done."""
-    clock, done = time.pthread_getcpuclockid(threading.get_ident()), threading.Event()
-    begin = time.clock_gettime(clock)
+    """Lines in the log when Numba begins to compile the model, as it does once on a machine, and when that is done."""
+    from numba.core.event import Event, Listener, install_listener
 
-    def tell() -> None:
-        while not done.wait(LOOK_S):
-            if time.clock_gettime(clock) - begin > LONG_COMPILE_S:
+    begin, compiled = time.thread_time(), list[Event]()
+
+    class Told(Listener):
+        def on_start(self, event: Event) -> None:
+            if not compiled:
                 log.info("the model is being compiled, once on this machine; that may take half a minute")
-                return
+            compiled.append(event)
 
-    watch = threading.Thread(target=tell, name="compiling", daemon=True)
-    watch.start()
-    try:
+        def on_end(self, event: Event) -> None:
+            """The end of all is told below."""
+
+    with install_listener("numba:compile", Told()):
         yield
-    finally:
-        done.set()
-        watch.join()
-    if (took := time.clock_gettime(clock) - begin) > LONG_COMPILE_S:
+    if compiled:
+        took = time.thread_time() - begin
         log.info("the model was compiled in %.0f s of processor time; it is kept for the next start", took)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from numba import njit
 
 from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings
@@ -237,14 +238,24 @@ def test_time_begins_with_the_motion() -> None:
         assert later == timedelta(0) if start else later > timedelta(seconds=0.29)
 
 
+def prepares_late(monkeypatch: pytest.MonkeyPatch, work: Callable[[], object]) -> None:
+    """Before a joint's model is there, work is done."""
+    prepare = Gear.prepare
+    monkeypatch.setattr(Gear, "prepare", lambda gear, *given: (work(), prepare(gear, *given)))
+
+
 def test_a_slow_start_is_not_told_as_a_compilation(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A busy computer that takes long for a model that is compiled already compiles nothing."""
+    """A slow computer that needs 2.5 s of processor time to load a model compiles nothing."""
+
+    def burn() -> None:
+        end = time.thread_time() + 2.5
+        while time.thread_time() < end:
+            pass
+
     Robot([0.0])
-    prepare = Gear.prepare
-    monkeypatch.setattr("lostmotion.drivers.simulated.LONG_COMPILE_S", 0.5)
-    monkeypatch.setattr(Gear, "prepare", lambda gear, *given: (time.sleep(0.6), prepare(gear, *given)))
+    prepares_late(monkeypatch, burn)
     with caplog.at_level("INFO"):
         Robot([0.0])
     assert "compiled" not in caplog.text
@@ -253,21 +264,18 @@ def test_a_slow_start_is_not_told_as_a_compilation(
 def test_a_compilation_is_told_while_it_goes_on(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A model that takes processor time: a line while there is none yet, and one when it is there."""
-    prepare = Gear.prepare
+    """What Numba has not compiled yet: a line when it begins, however quick it is, and one when it is done."""
+    told = []
 
-    def slow(gear: Gear, *given: Any) -> None:
-        end = time.thread_time() + 0.6
-        while time.thread_time() < end:
-            pass
-        assert "the model is being compiled" in caplog.text
-        prepare(gear, *given)
+    @njit
+    def new(x: float) -> float:
+        return x + 1.0
 
-    monkeypatch.setattr("lostmotion.drivers.simulated.LONG_COMPILE_S", 0.2)
-    monkeypatch.setattr("lostmotion.drivers.simulated.LOOK_S", 0.05)
-    monkeypatch.setattr(Gear, "prepare", slow)
+    prepares_late(monkeypatch, lambda: (new(1.0), told.append(caplog.text)))
     with caplog.at_level("INFO"):
         Robot([0.0])
+    assert "the model is being compiled" in told[0]
+    assert "the model was compiled in" not in told[0]
     assert "the model was compiled in" in caplog.text
 
 
