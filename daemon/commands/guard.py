@@ -73,12 +73,9 @@ def _status(call: Callable[[], Any]) -> int:
     try:
         status = call()
         sys.stdout.flush()
-    except click.exceptions.NoArgsIsHelpError as error:
-        error.show()
-        return WRONG
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "lostmotion"
-        return _print_error(f"{error.format_message().rstrip('.')}; see {command} --help")
+        return _print_error(f"{_usage(error)}; see {command} --help")
     except click.ClickException as error:
         return _print_error(error.format_message())
     except click.Abort:
@@ -88,6 +85,17 @@ def _status(call: Callable[[], Any]) -> int:
     except Exception as error:  # noqa: BLE001 - the edge of the program: no traceback reaches a user
         return _explain(error)
     return status if isinstance(status, int) else 0
+
+
+def _usage(error: click.UsageError) -> str:
+    """What is wrong with a call; click's own text for a group without a command is its whole help."""
+    if (
+        isinstance(error, click.exceptions.NoArgsIsHelpError)
+        and error.ctx
+        and isinstance(error.ctx.command, click.Group)
+    ):
+        return f"found no command, expected one of {', '.join(error.ctx.command.list_commands(error.ctx))}"
+    return error.format_message().rstrip(".")
 
 
 def _explain(error: Exception) -> int:

@@ -82,6 +82,17 @@ def test_every_command_has_help(command: str) -> None:
     assert result.stdout.startswith("Usage: lostmotion " + command)
 
 
+@pytest.mark.parametrize("group", [[], ["calibrate"], ["config"], ["fleet"], ["lab"], ["service"]])
+def test_a_call_without_a_command_is_one_line(group: list[str]) -> None:
+    """It names the commands that there are; the help is where it is asked for."""
+    listed = [line.split()[0] for line in call(*group, "--help").stdout.partition("Commands:")[2].splitlines()[1:]]
+    result = call(*group)
+    assert (result.exit_code, result.stdout) == (2, "")
+    path = " ".join(["lostmotion", *group])
+    expected = f"lostmotion: found no command, expected one of {', '.join(listed)}; see {path} --help\n"
+    assert result.stderr == expected
+
+
 def test_version() -> None:
     """`--version` prints name and version."""
     assert call("--version").stdout == f"lostmotion {__version__}\n"
