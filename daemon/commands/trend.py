@@ -52,6 +52,9 @@ PICTURES = (".png", ".svg", ".pdf")
 class TrendError(LostmotionError):
     """There is too little history for a trend, or no such kind of picture."""
 
+    status = 404
+    """of the page: there is no trend"""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import call
-from tests.web.conftest import Open, Site, overflow, violations
+from tests.web.conftest import Open, Serve, Site, overflow, violations
 from tests.web.world import F_RES_HZ, fill, robot
 
 
@@ -154,3 +154,12 @@ def test_bad_questions_get_a_sentence(filled: tuple[Site, datetime], path: str, 
     assert found == status
     assert words in body.decode()
     assert "Traceback" not in body.decode() + site.log
+
+
+@pytest.mark.slow
+def test_too_few_scores_for_a_trend_are_no_fault_of_the_server(tmp_path: Path, serve: Serve) -> None:
+    """Two scores have no trend: it is not found, with the reason that the command line gives."""
+    fill(tmp_path / "history.db", count=2)
+    status, _, body = serve("--config", robot(tmp_path)).ask("GET", "/api/joints/elbow/trend")
+    assert status == 404
+    assert "found 2" in json.loads(body)["error"]
