@@ -101,7 +101,8 @@ def _tap(tap: Oscillator) -> Section:
 
 
 def _page(title: str, subtitle: str, sections: Sequence[Section], drawn: Sequence[Trace]) -> str:
-    script = "\n".join((_comment(_asset("uPlot.LICENSE.txt")), _asset("uPlot.iife.min.js"), _asset("report.js")))
+    licence = _comment(_asset("uPlot.LICENSE.txt"))
+    script = "\n".join((_asset("language.js"), licence, _asset("uPlot.iife.min.js"), _asset("report.js")))
     return Template(_asset("page.html")).substitute(
         title=escape(title),
         version=escape(lostmotion.__version__),

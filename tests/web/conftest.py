@@ -121,11 +121,14 @@ def look(chromium: Browser) -> Iterator[Open]:
     complaints: list[str] = []
     contexts = []
 
-    def opened(address: str, *, width: int = 1100, dark: bool = False, complains: bool = False) -> Page:
+    def opened(
+        address: str, *, width: int = 1100, dark: bool = False, complains: bool = False, before: str = ""
+    ) -> Page:
         context = chromium.new_context(
             viewport={"width": width, "height": 900}, color_scheme="dark" if dark else "light", locale="en-GB"
         )
         context.set_default_timeout(DEADLINE_MS)
+        context.add_init_script(before)
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{address}: {error}"))

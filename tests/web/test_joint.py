@@ -56,6 +56,13 @@ def test_the_page_fits_and_is_accessible(filled: tuple[Site, datetime], look: Op
 
 
 @pytest.mark.slow
+def test_a_language_that_intl_does_not_know(filled: tuple[Site, datetime], look: Open) -> None:
+    """A Chromium that is started without a locale calls its language en-US@posix: the history is drawn all the same."""
+    named = "Object.defineProperty(Navigator.prototype, 'language', { get: () => 'en-US@posix' })"
+    ready(look(f"{filled[0].address}/joints/elbow", before=named))
+
+
+@pytest.mark.slow
 def test_the_trend_is_told_as_in_the_terminal(filled: tuple[Site, datetime], look: Open) -> None:
     """The lines of ``lostmotion trend`` are those of the page, name and text, to the size in micrometres."""
     site, _ = filled

@@ -221,14 +221,18 @@ def test_a_report_is_replaced_at_once_or_not_at_all(tmp_path: Path) -> None:
 
 
 @contextmanager
-def browser(path: Path, **options: Any) -> Iterator[Any]:
-    """The report in a headless Chromium, and a check that it complained of nothing and asked nobody for anything."""
+def browser(path: Path, before: str = "", **options: Any) -> Iterator[Any]:
+    """The report in a headless Chromium, and a check that it complained of nothing and asked nobody for anything.
+
+    before: a script that runs before those of the report.
+    """
     playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
     if not CHROMIUM.exists():
         pytest.skip(f"needs {CHROMIUM}")
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
         page = chromium.new_page(locale="en-GB", **options)
+        page.add_init_script(before)
         complaints: list[str] = []
         requests: list[str] = []
         page.on("console", lambda message: complaints.append(message.text))
@@ -282,6 +286,14 @@ def test_zoom_and_pan_in_a_browser(found: Path) -> None:
         page.mouse.wheel(0, -100)
         page.keyboard.up("Control")
         assert shows(page, 50 / box["width"] * last * 0.2, last * (0.8 + 0.2 * 50 / box["width"]))
+
+
+@pytest.mark.slow
+def test_a_language_that_intl_does_not_know(found: Path) -> None:
+    """A Chromium that is started without a locale calls its language en-US@posix: the report is drawn all the same."""
+    named = "Object.defineProperty(Navigator.prototype, 'language', { get: () => 'en-US@posix' })"
+    with browser(found, before=named) as page:
+        page.wait_for_selector("#signal-0 .u-over")
 
 
 @pytest.mark.slow
