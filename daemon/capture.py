@@ -21,7 +21,7 @@ from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, JointOptio
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["Capture", "head"]
+__all__ = ["Capture", "also_moved_by", "head"]
 
 log = logging.getLogger(__name__)
 
@@ -88,10 +88,12 @@ def head(
     joint: JointOptions | None,
     start: datetime,
     limits: Mapping[str, float],
+    others: Sequence[str] = (),
 ) -> dict[str, Any]:
     """What stands at the head of a recording of an accelerometer, and of a joint where there is one.
 
-    start: its UTC; limits: ``resolution_rad`` and ``range_ms2``, as far as they are finite.
+    start: its UTC; limits: ``resolution_rad`` and ``range_ms2``, as far as they are finite; others: the other joints
+    that move the accelerometer.
     """
     bar = sensor.oscillator
     return {
@@ -99,6 +101,7 @@ def head(
         **({"joint": joint.name, "servo_driver": joint.driver, "poll_hz": joint.poll_hz} if joint else {}),
         "start": iso(start),
         "accelerometer": sensor.name,
+        **({"also_moved_by": list(others)} if others else {}),
         "accelerometer_driver": sensor.driver,
         "rate_hz": sensor.rate_hz,
         "f_res_hz": bar.f_res_hz,
@@ -106,3 +109,10 @@ def head(
         "length_m": bar.length_m,
         **{key: value for key, value in limits.items() if math.isfinite(value)},
     }
+
+
+def also_moved_by(config: Config, joint: JointOptions) -> list[str]:
+    """The other joints that move the joint's accelerometer."""
+    return [
+        one.name for one in config.joints if one != joint and joint.accelerometer in (one.accelerometer, *one.levers_m)
+    ]

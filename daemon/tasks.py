@@ -10,7 +10,7 @@ from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from lostmotion.daemon.capture import Capture, head
+from lostmotion.daemon.capture import Capture, also_moved_by, head
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import Answer, Request, Task
@@ -85,7 +85,8 @@ class Tasks:
             return Answer(request.id, False, f"{path.parent}: cannot be written: {error.strerror}")
         config = self._robot.config
         sensor = config.accelerometer(joint.accelerometer)
-        metadata = head(config, sensor, joint, self._utc(), self._robot.limits(joint))
+        others = also_moved_by(config, joint)
+        metadata = head(config, sensor, joint, self._utc(), self._robot.limits(joint), others)
         duration_s = min(request.for_s, LONGEST_S)
         self._robot.capture(Capture(path, joint.name, metadata, self._robot.clock, duration_s))
         return Answer(request.id, True, f"joint {joint.name} is recorded to {path}")

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from lostmotion.daemon import config as configuration
-from lostmotion.daemon.capture import head
+from lostmotion.daemon.capture import also_moved_by, head
 from lostmotion.daemon.commands.devices import Devices, Event
 from lostmotion.daemon.commands.output import counted, print_json
 from lostmotion.daemon.config import Config
-from lostmotion.drivers.base import AccelBlock, JointOptions, ServoReading
+from lostmotion.drivers.base import AccelBlock, ServoReading
 from lostmotion.drivers.errors import IdentityError, LostmotionError
 from lostmotion.drivers.recorder import Recorder
 
@@ -55,7 +55,8 @@ def record(
     """
     whole = configuration.load(given, joints=accelerometer is None)
     config = _alone(whole, joint) if accelerometer is None else _sensor_alone(whole, accelerometer)
-    if config.joints and (others := _others(whole, config.joints[0])):
+    others = also_moved_by(whole, config.joints[0]) if config.joints else []
+    if others:
         advice = "hold it still, as a recording of one joint does not tell whose impacts are in it"
         sys.stderr.write(f"note: {', '.join(others)} also moves {config.accelerometers[0].name}; {advice}\n")
     what = f"joint {config.joints[0].name}" if config.joints else f"accelerometer {accelerometer}"
@@ -64,7 +65,7 @@ def record(
         for event in devices.identities():
             _check(event)
         start = devices.clock.now()
-        recorder = Recorder(output, _metadata(config, devices), start)
+        recorder = Recorder(output, _metadata(config, devices, others), start)
         try:
             with _progress(duration_s) as advance:
                 for event in devices.events(duration_s):
@@ -95,13 +96,6 @@ def _alone(config: Config, asked: str | None) -> Config:
     return replace(config, joints=(joint,), accelerometers=(config.accelerometer(joint.accelerometer),))
 
 
-def _others(config: Config, joint: JointOptions) -> list[str]:
-    """The other joints that move the joint's accelerometer."""
-    return [
-        one.name for one in config.joints if one != joint and joint.accelerometer in (one.accelerometer, *one.levers_m)
-    ]
-
-
 def _sensor_alone(config: Config, name: str) -> Config:
     """The configuration with one accelerometer and nothing else: what moves it need not be there yet."""
     there = [sensor.name for sensor in config.accelerometers]
@@ -110,7 +104,7 @@ def _sensor_alone(config: Config, name: str) -> Config:
     return replace(config, joints=(), accelerometers=(config.accelerometer(name),))
 
 
-def _metadata(config: Config, devices: Devices) -> dict[str, Any]:
+def _metadata(config: Config, devices: Devices, others: list[str]) -> dict[str, Any]:
     (sensor,) = config.accelerometers
     joint = next(iter(config.joints), None)
     limits = {
@@ -119,7 +113,7 @@ def _metadata(config: Config, devices: Devices) -> dict[str, Any]:
         for key in ("resolution_rad", "range_ms2")
         if hasattr(device.port, key)
     }
-    return head(config, sensor, joint, devices.clock.utc(devices.clock.now()), limits)
+    return head(config, sensor, joint, devices.clock.utc(devices.clock.now()), limits, others)
 
 
 def _check(event: Event) -> None:

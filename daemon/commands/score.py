@@ -45,6 +45,7 @@ def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
     _doubt_units(recording)
     name = asked.joint or str(recording.metadata.get("joint", "joint"))
     settings = settings_for(recording, config, asked)
+    _warn_of_others(recording, name)
     scores = _scores(recording, asked.column, settings, name)
     if as_json:
         exact = [replace(window, duration=round(window.duration, 6)) for window in scores]  # the rate is an estimate
@@ -64,6 +65,16 @@ def _doubt_units(recording: Recording) -> None:
                 '%s: %s goes to %.4g and is taken as rad; if it is degrees, write # %s_unit = "deg" at the top',
                 recording.name, column, largest, column,
             )  # fmt: skip
+
+
+def _warn_of_others(recording: Recording, joint: str) -> None:
+    """Warns where other joints move the accelerometer: their impacts are in the windows, too."""
+    if others := recording.metadata.get("also_moved_by"):
+        names = ", ".join(map(str, others)) if isinstance(others, list) else str(others)
+        log.warning(
+            "%s: the accelerometer is also moved by %s: impacts and play are those of %s only while %s rests",
+            recording.name, names, joint, names,
+        )  # fmt: skip
 
 
 def _scores(recording: Recording, column: str, settings: DetectorSettings, joint: str) -> list[Score]:

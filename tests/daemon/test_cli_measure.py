@@ -93,7 +93,23 @@ def test_record_wants_one_joint(robot: Path) -> None:
     result = call(*arguments, "--joint", "wrist")
     assert result.exit_code == 0
     assert "note: elbow also moves tip; hold it still" in result.stderr
-    assert read_recording("r.csv").metadata["joint"] == "wrist"
+    found = read_recording("r.csv").metadata
+    assert (found["joint"], found["also_moved_by"]) == ("wrist", ["elbow"])
+
+
+def test_score_says_whose_impacts_there_may_be(robot: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A recording of a joint whose accelerometer another joint moves is scored with a warning; one of a joint with a
+    sensor of its own without."""
+    robot.write_text(SIMULATED + SECOND_JOINT)
+    assert call("record", "--config", robot, "--duration", "2", "-o", "r.csv", "--joint", "wrist").exit_code == 0
+    result = call("score", "r.csv", "--json")
+    assert (result.exit_code, json.loads(result.stdout)["joint"]) == (0, "wrist")
+    assert "r.csv: the accelerometer is also moved by elbow: impacts and play are those of wrist only" in caplog.text
+    caplog.clear()
+    robot.write_text(SIMULATED)
+    assert call("record", "--config", robot, "--duration", "2", "-o", "r.csv").exit_code == 0
+    assert call("score", "r.csv").exit_code == 0
+    assert caplog.text == ""
 
 
 def test_an_accelerometer_alone_is_recorded_and_calibrated(robot: Path) -> None:
