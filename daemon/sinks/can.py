@@ -18,8 +18,8 @@ from typing import Any
 from lostmotion.daemon.no_memory import NO_MEMORY, retry_without_memory
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
-from lostmotion.daemon.repeats import Condition
-from lostmotion.daemon.sinks.emcy import BOOT_UP, OPERATIONAL, EmcyNode, Frame
+from lostmotion.daemon.repeats import Condition, Repeats
+from lostmotion.daemon.sinks.emcy import BOOT_UP, HEARTBEAT, OPERATIONAL, EmcyNode, Frame
 from lostmotion.daemon.sinks.node import NMT, STOPPED, Node
 from lostmotion.daemon.sinks.wakeup import Wakeup
 from lostmotion.drivers.codec.sdo import REQUEST
@@ -66,7 +66,7 @@ class CanSink:
         self._lock = threading.Lock()
         self._wakeup = Wakeup()
         self._closing = threading.Event()
-        self._condition = Condition()
+        self._condition, self._warned = Condition(), Repeats()
         self._thread = threading.Thread(target=retry_without_memory, args=(self._run, "CAN"), name="can", daemon=True)
         self._thread.start()
 
@@ -148,6 +148,9 @@ class CanSink:
                 self._answer(bus, message)
 
     def _answer(self, bus: can.BusABC, message: can.Message) -> None:
+        if message.arbitration_id == HEARTBEAT + self._options.node_id:
+            self._warn_of_another()
+            return
         with self._lock:
             frames, anew = self._services.receive(message.arbitration_id, bytes(message.data))
             if anew:
@@ -184,6 +187,16 @@ class CanSink:
         if not self._rests:
             self._wakeup.wake()
 
+    def _warn_of_another(self) -> None:
+        """A heartbeat of this number is another device's: a bus gives back none of our own frames, unless asked to."""
+        if self._options.options.get("receive_own_messages"):
+            return
+        problem = (
+            f"another device sends heartbeats as node 0x{self._options.node_id:02X}; give one of them another number"
+        )
+        if self._warned.is_news(problem, time.monotonic()):
+            log.warning("CAN %s %s: %s", self._options.interface, self._options.channel, problem)
+
     def _log_problem(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one without another node opens
         and fails every few seconds."""
@@ -197,11 +210,11 @@ class CanSink:
 
 
 def open_bus(options: CanOptions) -> can.BusABC:
-    """The bus.  The kernel lets in NMT commands and questions to the node alone; python-can's own filter, of the other
-    interfaces, is none that saves anything.  Raises one of ``FAULTS``."""
+    """The bus.  The kernel lets in NMT commands, questions to the node and heartbeats of its number; python-can's own
+    filter, of the other interfaces, is none that saves anything.  Raises one of ``FAULTS``."""
     given: dict[str, Any] = {"bitrate": options.bitrate} if options.bitrate else {}
     if options.interface == IN_KERNEL:
-        ids = (NMT, REQUEST + options.node_id)
+        ids = (NMT, REQUEST + options.node_id, HEARTBEAT + options.node_id)
         given["can_filters"] = [{"can_id": id, "can_mask": 0x7FF, "extended": False} for id in ids]
     return can.Bus(options.channel, interface=options.interface, **(given | options.options))
 

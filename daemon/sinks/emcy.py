@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, Health, ScoreRow, Severity, Transition
 
-__all__ = ["BOOT_UP", "EMCY", "OPERATIONAL", "TPDO1", "EmcyNode", "Frame"]
+__all__ = ["BOOT_UP", "EMCY", "HEARTBEAT", "OPERATIONAL", "TPDO1", "EmcyNode", "Frame"]
 
 EMCY, TPDO1, HEARTBEAT = 0x080, 0x180, 0x700
 CLEARED, PLAY_WARNING, PLAY_ERROR, DEVICE_FAULT = 0x0000, 0xFF01, 0xFF02, 0xFF03

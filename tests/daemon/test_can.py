@@ -262,6 +262,23 @@ def test_a_full_queue_and_bus_off_are_survived(
     assert caplog.text.count("trying again") == 1
 
 
+@pytest.mark.parametrize("echoes", [False, True])
+def test_a_second_device_of_the_same_number_is_told_once(
+    echoes: bool, monitor: can.BusABC, request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Two nodes of one number: a master would mix up their errors.  Our own heartbeats, of a bus that is asked to give
+    them back, are none of another device, and neither is the heartbeat of another number."""
+    channel = request.node.name
+    with closing(CanSink(JOINTS, options(channel, **({"receive_own_messages": True} if echoes else {})))):
+        frame_of(monitor, 0x721)
+        for number in (0x722, *(() if echoes else (0x721,) * 3)):
+            monitor.send(can.Message(arbitration_id=number, data=[5], is_extended_id=False))
+        monitor.send(can.Message(arbitration_id=0x621, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
+        frame_of(monitor, 0x5A1)
+    told = f"CAN virtual {channel}: another device sends heartbeats as node 0x21; give one of them another number"
+    assert caplog.text.count(told) == (0 if echoes else 1)
+
+
 def test_a_bus_that_comes_and_goes_is_told_once(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
