@@ -12,8 +12,9 @@ from lostmotion.model.base import Base
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.effects.registry import rank
 from lostmotion.model.kernel import Kernel
+from lostmotion.model.rk4 import IntArray, Plan
 from lostmotion.model.signals import SIGNALS, TIME
-from lostmotion.model.solve import SPEED, IntArray, Plan
+from lostmotion.model.solve import SPEED
 
 __all__ = ["LAYER", "assemble", "in_order", "scope"]
 
@@ -89,7 +90,7 @@ def _tables(base: Base, effects: tuple[Effect, ...]) -> _Tables:
     needed = [i for i, step in enumerate(steps) if step.has_states or step.target in rates]
     lengths = [len(step.names) for step in steps]
     plan = Plan(
-        addresses=_table([step.kernel.address for step in steps]),
+        addresses=np.array([step.kernel.address for step in steps], dtype=np.uint64),
         targets=_table(targets),
         fresh=_table([t not in given and t not in targets[:i] for i, t in enumerate(targets)]),
         p=np.zeros(sum(lengths) + 1),
@@ -139,4 +140,4 @@ def _place(step: _Step) -> tuple[int, int]:
 
 
 def _table(numbers: Sequence[int] | IntArray) -> IntArray:
-    return np.asarray(numbers, dtype=np.uint64)
+    return np.asarray(numbers, dtype=np.int64)

@@ -52,7 +52,7 @@ def gap_rate(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 def contact(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """F_cnt = beta X^n + alpha delta_v X^(n+1), X = delta_d/(d/2) (eq. 1); p: beta, alpha, n, d."""
     closed = s[GAP] * (2.0 / p[3])
-    return whole_power(closed, int(p[2])) * (p[0] + p[1] * s[GAP_RATE] * closed)
+    return whole_power(closed, p[2]) * (p[0] + p[1] * s[GAP_RATE] * closed)
 
 
 @kernel
@@ -73,7 +73,7 @@ def fused_contact(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     s[GAP] = p[1] * s[THETA2] - p[0] * s[THETA1]
     s[GAP_RATE] = p[1] * s[OMEGA2] - p[0] * s[OMEGA1]
     closed = s[GAP] * (2.0 / p[5])
-    s[FORCE] = whole_power(closed, int(p[4])) * (p[2] + p[3] * s[GAP_RATE] * closed)
+    s[FORCE] = whole_power(closed, p[4]) * (p[2] + p[3] * s[GAP_RATE] * closed)
     return -p[1] * s[FORCE]
 
 

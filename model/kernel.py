@@ -15,15 +15,17 @@ import ctypes
 import threading
 from collections.abc import Callable, MutableSequence
 from functools import cached_property
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from numba import cfunc, njit, types
 
+from lostmotion.model.lanes import LANES, POINTER, lane
 from lostmotion.model.signals import LAYOUT
 
 __all__ = [
     "OPTIONS",
-    "POINTER",
     "Function",
     "Kernel",
     "Slots",
@@ -31,6 +33,7 @@ __all__ = [
     "jitted",
     "kernel",
     "python_kernel",
+    "subroutine",
     "whole_power",
 ]
 
@@ -42,16 +45,54 @@ F = TypeVar("F", bound=Callable[..., Any])
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 """Division by zero gives inf, which the solver reports, instead of an exception that C would swallow; a multiplication
 and an addition may be one instruction."""
-POINTER: Any = cast(Any, types).CPointer(types.float64)
-SIGNATURE = types.float64(POINTER, POINTER, POINTER, POINTER)
+SIGNATURE = types.void(POINTER, POINTER, POINTER, POINTER, POINTER, types.int64)
 _C_POINTER = ctypes.POINTER(ctypes.c_double)
-_C_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_double, _C_POINTER, _C_POINTER, _C_POINTER, _C_POINTER)
+_C_SIGNATURE = ctypes.CFUNCTYPE(None, *[_C_POINTER] * 5, ctypes.c_int64)
 
 
 class _Raised(threading.local):
     """What a Python kernel raised in this thread."""
 
     error: BaseException | None = None
+
+
+class _Strided:
+    """One lane of an array of lanes, for functions in Python."""
+
+    __slots__ = ("_array", "_number")
+
+    def __init__(self, array: Any, number: int) -> None:
+        self._array, self._number = array, number
+
+    def __getitem__(self, row: int) -> float:
+        return float(self._array[row * LANES + self._number])
+
+    def __setitem__(self, row: int, value: float) -> None:
+        self._array[row * LANES + self._number] = value
+
+
+def _of_lane(s: Any, x: Any, dx: Any, p: Any) -> float:
+    """Stands for the function of a kernel in ``_loop``, of which each kernel has a copy with its own."""
+    raise NotImplementedError
+
+
+def _loop(s: Any, x: Any, dx: Any, p: Any, out: Any, count: int) -> None:
+    if count == 1:
+        out[0] = _of_lane(lane(s, 0), lane(x, 0), lane(dx, 0), lane(p, 0))
+        return
+    for number in range(count):
+        out[number] = _of_lane(lane(s, number), lane(x, number), lane(dx, number), lane(p, number))
+
+
+def _over_lanes(function: Function) -> Any:
+    """The kernel for several lanes.  It is cached as code of the function's own file; signal numbers are compiled in,
+    so another order of the signals must not find the old code."""
+    own = function.__code__
+    code = _loop.__code__.replace(co_filename=own.co_filename, co_firstlineno=own.co_firstlineno)
+    names = {"_of_lane": jitted(function), "lane": lane, "range": range, "__name__": function.__module__}
+    made = FunctionType(code, names, function.__name__)
+    made.__qualname__, made.__module__ = f"{function.__qualname__}_{LAYOUT}_{LANES}", function.__module__
+    return made
 
 
 class Kernel:
@@ -65,10 +106,8 @@ class Kernel:
     @cached_property
     def _handle(self) -> Any:
         if self._in_python:
-            return _C_SIGNATURE(self._guarded)
-        # Signal numbers are compiled in: another order of the signals must not find the old code in the cache.
-        self.function.__qualname__ = f"{self.function.__qualname__}_{LAYOUT}"
-        return compiled(lambda **options: cfunc(SIGNATURE, **OPTIONS, **options)(self.function))
+            return _C_SIGNATURE(self._lanes_in_python)
+        return compiled(lambda **options: cfunc(SIGNATURE, **OPTIONS, **options)(_over_lanes(self.function)))
 
     @cached_property
     def address(self) -> int:
@@ -76,6 +115,10 @@ class Kernel:
         if self._in_python:
             return ctypes.cast(self._handle, ctypes.c_void_p).value or 0
         return int(self._handle.address)
+
+    def _lanes_in_python(self, s: Any, x: Any, dx: Any, p: Any, out: Any, count: int) -> None:
+        for number in range(count):
+            out[number] = self._guarded(*(cast(Slots, _Strided(array, number)) for array in (s, x, dx, p)))
 
     def _guarded(self, s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
         if isinstance(self._raised.error, KeyboardInterrupt):  # the rest as fast as possible
@@ -115,13 +158,19 @@ def jitted(function: F) -> F:
     return cast(F, njit(forceinline=True, **OPTIONS)(function))
 
 
+def subroutine(function: F) -> F:
+    """Decorator: numba compiles the function once, and those that use it call it."""
+    return cast(F, njit(**OPTIONS)(function))
+
+
 @jitted
-def whole_power(base: float, exponent: int) -> float:
-    """base ** exponent for a whole exponent >= 0 by repeated squaring, so that odd powers keep the sign."""
+def whole_power(base: float, exponent: float) -> float:
+    """base ** exponent for a whole exponent from 0 to 127 by repeated squaring, so that odd powers keep the sign.
+    Without a branch, so that lanes are computed by vector instructions."""
+    left = np.int32(exponent)
     result = 1.0
-    while exponent > 0:
-        if exponent & 1:
-            result *= base
-        base *= base
-        exponent >>= 1
+    for _ in range(7):
+        result = result * base if left & 1 else result
+        base = base * base
+        left >>= 1
     return result

@@ -23,9 +23,10 @@ from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.observer import ObserverRun, observer_input
 from lostmotion.model.parameter import Parameter
 from lostmotion.model.pieces import Pieces, cut
+from lostmotion.model.rk4 import Plan
 from lostmotion.model.run import Run
 from lostmotion.model.signals import DRIVEN, READING
-from lostmotion.model.solve import Plan, integrate, start_signals
+from lostmotion.model.solve import solve, start_signals
 from lostmotion.model.trajectory import Trajectory
 
 __all__ = ["Model", "build_model"]
@@ -178,7 +179,7 @@ class Model:
         picks = None if every is asked[0] else np.array([np.searchsorted(every, one) for one in asked])
         origin = float(every[0])
         pieces = cut(drive, origin, max(float(every[-1]) - origin, 1e-3), self._delay)
-        records = np.array(signals, dtype=np.uint64)
+        records = np.array(signals, dtype=np.int64)
         return Run(self.plan(drive is not None), pieces, every - origin, origin, records, picks)
 
     def observer(self, drive: Motion | None, times: FloatArray, output: str, clock_zero: float) -> ObserverRun:
@@ -187,8 +188,7 @@ class Model:
         felt = times if rate == 1 or signal != READING else clock_zero + (times - clock_zero) / rate
         origin = float(felt[0])
         knots, coefficients, at = observer_input(drive, origin, felt - origin, self._delay)
-        reading = np.array([signal], dtype=np.uint64)
-        return ObserverRun(self.plan(drive is not None), knots, coefficients, at, origin, reading)
+        return ObserverRun(self.plan(drive is not None), knots, coefficients, at, origin, signal)
 
     @property
     def _clock_rate(self) -> float:
@@ -230,13 +230,14 @@ class Model:
         """Outputs (outputs, N), states (N, n), sub-step; again where the motion is harder than guessed."""
         if substep_s is not None and not (math.isfinite(substep_s) and substep_s > 0):
             raise ModelError(f"a sub-step of {substep_s} s is not possible")
-        records = np.array(list(self._base.outputs.values()), dtype=np.uint64)
-        out, states = np.empty((records.size, grid.size)), np.empty((grid.size, x0.size))
+        records = np.array(list(self._base.outputs.values()), dtype=np.int64)
         chosen = self._steps(pieces, grid, shortest_s)
         step = substep_s or chosen(None)
         for _ in range(4):
             self._kernel_errors()  # of runs before
-            peak = integrate(plan, pieces.knots, pieces.coefficients, step, x0, grid, records, out, states, origin)
+            (out,), (states,), peak = solve(
+                [plan], pieces.knots, pieces.coefficients, step, x0[None], grid, records, origin, keeps_states=True
+            )
             for error in self._kernel_errors():
                 raise error
             finite = math.isfinite(peak) and bool(np.all(np.isfinite(states[-1])))

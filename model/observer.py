@@ -17,9 +17,24 @@ import numpy as np
 from numba import njit
 
 from lostmotion.model.kernel import OPTIONS, compiled
+from lostmotion.model.lanes import LANES, address, offset
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.pieces import Pieces, cut
-from lostmotion.model.solve import IntArray, Plan, load, polynomial, rates, record, rk4
+from lostmotion.model.rk4 import (
+    IntArray,
+    Plan,
+    Values,
+    Work,
+    beside,
+    inputs,
+    load,
+    memory,
+    rates,
+    rk4_of_one,
+    run,
+    terms,
+    work_for,
+)
 
 __all__ = ["Budget", "ObserverRun", "at_samples", "observer_input"]
 
@@ -53,14 +68,16 @@ class ObserverRun:
     coefficients: FloatArray
     at: IntArray
     origin: float
-    reading: IntArray
+    reading: int
 
     def __call__(
         self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float, budget: Budget = UNLIMITED
     ) -> tuple[FloatArray, FloatArray, float]:
         e, states = np.full(self.at.size, np.inf), np.full((self.at.size, start.size), np.inf)
-        loss = _follow(self.plan, self.knots, self.coefficients, self.at, substep_s, start, gain, self.reading,
-                       measured, self.origin, e, states, *budget)  # fmt: skip
+        values = beside([self.plan])
+        work = work_for(self.plan, values, start[None])
+        loss = _follow(self.plan, values, self.knots, self.coefficients, self.at, substep_s, gain, self.reading,
+                       measured, self.origin, e, states, work, *budget)  # fmt: skip
         return e, states, float(loss)
 
 
@@ -75,7 +92,7 @@ def observer_input(
 def _cut_at(drive: Any, origin: float, times: bytes, delay: float) -> tuple[FloatArray, FloatArray, IntArray]:
     grid = np.frombuffer(times)
     knots, coefficients = at_samples(cut(drive, origin, max(float(grid[-1]), 1e-3), delay), grid)
-    return knots, coefficients, np.searchsorted(knots, grid - 1e-9).astype(np.uint64)
+    return knots, coefficients, np.searchsorted(knots, grid - 1e-9).astype(np.int64)
 
 
 def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -94,41 +111,39 @@ def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _corrected(
-    plan: Any, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float, start: FloatArray,
-    gain: FloatArray, reading: IntArray, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray,
+    plan: Plan, values: Values, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float,
+    gain: FloatArray, reading: int, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray, work: Work,
     first: int, unit: float, far: float, most: float,
 ) -> float:  # fmt: skip
     """See ObserverRun; writes e and states, and returns the loss."""
-    n, o, spent = start.size, 0, 0.0
-    s = plan.start.copy()
-    x, y = start.copy(), np.empty(n)
-    k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    out = np.empty((1, 1))
+    m, w, polynomials, spent = terms(plan, values), memory(work), address(coefficients, 0), 0.0
+    n, o, x, y, k1, k4 = m.states, 0, w.x, w.y, w.k1, w.k4
     for interval in range(knots.size):
-        c, left = coefficients[interval], knots[interval]
+        c, left = offset(polynomials, 6 * interval), knots[interval]
         if o < at.size and at[o] == interval:
-            value, rate = polynomial(c, 0.0)
-            load(plan, s, origin + left, value, rate, x, k1, 0.0)
-            rates(plan, s, k1)
-            record(plan, s, scratch, reading, out, 0)
-            error = measured[o] - out[0, 0]
+            inputs(w, c, origin + left, w.none, 0.0, w.none, 0, 1)
+            load(m, w, x, k1, 0.0, w.none, 0, 1)
+            rates(m, w, k1, 0, 1)
+            run(m, w, w.k, m.live, m.count, 0, 1)
+            error = measured[o] - w.s[reading * LANES]
             loss = math.log1p(min((error / unit) ** 2, far)) if o >= first else 0.0
             if not (abs(error) < 1e9 and spent + loss <= most):
                 return spent + (at.size - max(o, first)) * math.log1p(far)
             spent += loss
             e[o] = error
             for i in range(n):
-                x[i] += gain[i] * error
-                states[o, i] = x[i]
+                x[i * LANES] += gain[i] * error
+                states[o, i] = x[i * LANES]
             o += 1
-            load(plan, s, origin + left, value, rate, x, k1, 0.0)
-            rates(plan, s, k1)
+            load(m, w, x, k1, 0.0, w.none, 0, 1)
+            rates(m, w, k1, 0, 1)
         if o == at.size:
             break
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
-        h = (knots[interval + 1] - left) / steps
+        w.h[0] = (knots[interval + 1] - left) / steps
         for step in range(steps):
-            rk4(plan, s, c, origin + left, step * h, h, x, k1, k2, k3, k4, y)
+            w.since[0] = step * w.h[0]
+            rk4_of_one(m, w, c, origin + left, x, k1, k4, y, 0)
             x, y = y, x
             k1, k4 = k4, k1
     return spent

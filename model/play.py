@@ -47,7 +47,7 @@ def fused(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     gap = p[1] * s[THETA2] - p[0] * s[THETA1]
     gap_rate = p[1] * s[OMEGA2] - p[0] * s[OMEGA1]
     closed = gap * (2.0 / p[5])
-    force = whole_power(closed, int(p[4])) * (p[2] + p[3] * gap_rate * closed)
+    force = whole_power(closed, p[4]) * (p[2] + p[3] * gap_rate * closed)
     torque = -p[1] * force
     alpha2 = torque * (1.0 / s[INERTIA])
     bar_force = -p[6] * s[Q_RATE] - p[7] * s[Q]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.pieces import Pieces
-from lostmotion.model.solve import IntArray, Plan, integrate_many
+from lostmotion.model.rk4 import IntArray, Plan
+from lostmotion.model.solve import solve
 
-__all__ = ["Run"]
+__all__ = ["Run", "run_beside"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +31,22 @@ class Run:
     picks: IntArray | None = None
 
     def __call__(self, starts: FloatArray, substep_s: float) -> FloatArray:
-        out = np.empty((len(starts), self.records.size, self.grid.size))
-        knots, coefficients = self.pieces.knots, self.pieces.coefficients
-        integrate_many(self.plan, knots, coefficients, substep_s, starts, self.grid, self.records, out, self.origin)
-        return out if self.picks is None else np.take_along_axis(out, self.picks[None], axis=2)
+        return run_beside([self], starts, substep_s)
+
+    def goes_beside(self, other: Run) -> bool:
+        """Whether another run has the same terms, input and times."""
+        own, its = self.pieces, other.pieces
+        is_same_input = own is its or (
+            np.array_equal(own.knots, its.knots) and np.array_equal(own.coefficients, its.coefficients)
+        )
+        is_same_time = self.origin == other.origin and np.array_equal(self.grid, other.grid)
+        return self.plan.addresses is other.plan.addresses and is_same_input and is_same_time
+
+
+def run_beside(runs: Sequence[Run], starts: FloatArray, substep_s: float) -> FloatArray:
+    """The outputs (K, outputs, N) of runs that go beside each other, from a state (K, n) each, or of one run from all
+    of these states; see ``Run``."""
+    first, plans = runs[0], [run.plan for run in runs]
+    knots, coefficients = first.pieces.knots, first.pieces.coefficients
+    out, *_ = solve(plans, knots, coefficients, substep_s, starts, first.grid, first.records, first.origin)
+    return out if first.picks is None else np.take_along_axis(out, first.picks[None], axis=2)

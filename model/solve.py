@@ -7,43 +7,40 @@ width in which dry friction changes its sign are steps halved, as often as the s
 Outside of it the motion is smooth and a step is exact to a thousandth of a millionth, whichever is taken: the result is
 a smooth function of the parameters, and finite differences of it make sense.
 
-All arrays of a plan are small tables of indices; ``s`` holds the signals, then the effects' own states.
+Several runs go side by side, one in each lane (rk4.py).  Each is what it would be alone: a lane whose steps are halved
+takes its own parts of the step while the others wait.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
-from numpy.typing import NDArray
+from numba import njit
 
-from lostmotion.model.kernel import OPTIONS, POINTER, compiled, jitted
+from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
+from lostmotion.model.lanes import LANES, VECTOR, address, item, offset
+from lostmotion.model.rk4 import (
+    FloatArray,
+    IntArray,
+    Plan,
+    Pointer,
+    Values,
+    Work,
+    beside,
+    inputs,
+    load,
+    memory,
+    rates,
+    rk4,
+    rk4_of_one,
+    run,
+    terms,
+    work_for,
+)
 
-__all__ = [
-    "SPEED",
-    "FloatArray",
-    "IntArray",
-    "Plan",
-    "integrate",
-    "integrate_many",
-    "load",
-    "polynomial",
-    "rates",
-    "record",
-    "rk4",
-    "start_signals",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.uint64]
-"""Indices; unsigned, because numba checks signed ones for wrapping round, which took 40 % of the time."""
-
-
-_intrinsic: Callable[[Callable[..., Any]], Callable[..., Any]] = intrinsic
+__all__ = ["SPEED", "integrate", "solve", "start_signals"]
 
 SPEED = 1
 """The state that dry friction opposes: the second one of every base."""
@@ -58,182 +55,53 @@ CREEP = 0.1
 holds a weight for much of 6 s is off by 7e-7 rad (docs/decisions/0001)."""
 
 
-class Plan(NamedTuple):
-    """A model as tables, T terms, n states of which the first are the base's.
+class Parts(NamedTuple):
+    """The parts of a step that each lane takes on its own, (LANES,) each: units: in how many it is cut; done: how many
+    are behind; size: of the next part, in units; is_new: whether its size has to be chosen; creeps: see ``_creep``;
+    next: number of the next output."""
 
-    addresses, targets: (T,) in causal order; fresh: (T,) 1 where the term is the first on its target, which it then
-    sets instead of adding to it; p, p_at: parameters of all terms and where each begins; x_at, dx_at: where the term's
-    states begin in s and in the states; live: how many terms the derivatives need, the others wait for an output;
-    state_at: (n,) where each state stands in s; rate_signals: the signals that are the derivatives of base states;
-    input_signals, input_orders: which signals carry the input (order 0) and its derivative (1) before any term;
-    presets: signals that terms add to without one that sets them, with their value; start: (S,) signals to begin with;
-    time, watch: the signals that hold the time, and whose largest magnitude is reported; layer: the speed up to which
-    steps are halved, 0 without dry friction; sharpest: the least width of its change of sign.
-    """
+    units: IntArray
+    done: IntArray
+    size: IntArray
+    is_new: IntArray
+    creeps: IntArray
+    next: IntArray
 
-    addresses: IntArray
-    targets: IntArray
-    fresh: IntArray
-    p: FloatArray
-    p_at: IntArray
-    x_at: IntArray
-    dx_at: IntArray
-    live: int
-    state_at: IntArray
-    rate_signals: IntArray
-    input_signals: IntArray
-    input_orders: IntArray
-    presets: IntArray
-    preset_values: FloatArray
-    start: FloatArray
-    time: int
-    watch: int
-    layer: float
-    sharpest: float
-
-
-@_intrinsic
-def _call(context: Any, address: Any, s: Any, x: Any, dx: Any, p: Any) -> Any:
-    """float64 kernel(s, x, dx, p) at an address."""
-
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        double = ir.DoubleType()
-        function = ir.FunctionType(double, [double.as_pointer()] * 4)
-        return builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
-
-    return types.float64(types.uint64, POINTER, POINTER, POINTER, POINTER), codegen
-
-
-@_intrinsic
-def _at(context: Any, array: Any, index: Any) -> Any:
-    """The address of array[index]."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return builder.gep(data, [args[1]])
-
-    return POINTER(array, index), codegen
+    @classmethod
+    def empty(cls) -> Parts:
+        """The memory of a run."""
+        return cls(*np.empty((6, LANES), dtype=np.int64))
 
 
 @jitted
-def polynomial(c: FloatArray, tau: float) -> tuple[float, float]:
-    """The polynomial c (6,), lowest order first, and its derivative at tau."""
-    value, rate = c[5], 0.0
-    for i in range(4, -1, -1):
-        rate = rate * tau + value
-        value = value * tau + c[i]
-    return value, rate
+def _part_pointers(parts: Parts) -> Any:
+    """The same as pointers to the first number of each array."""
+    return Parts(
+        address(parts.units, 0), address(parts.done, 0), address(parts.size, 0), address(parts.is_new, 0),
+        address(parts.creeps, 0), address(parts.next, 0),
+    )  # fmt: skip
+
+
+@subroutine
+def _speed_rate(m: Any, w: Any, c: Pointer, knot: float, part: float, z: Pointer, one: int) -> float:
+    """The acceleration of a lane with the states z at a part of its step; its derivatives are left in w.k."""
+    inputs(w, c, knot, w.since, part, w.h, one, one + 1)
+    load(m, w, z, w.k, 0.0, w.h, one, one + 1)
+    rates(m, w, w.k, one, one + 1)
+    return float(w.k[SPEED * LANES + one])
 
 
 @jitted
-def load(
-    plan: Plan, s: FloatArray, time: float, value: float, rate: float, x: FloatArray, dx: FloatArray, h: float
-) -> None:
-    """Sets what the terms start from: time, input, presets, and the states x + h dx."""
-    s[plan.time] = time
-    for i in range(plan.input_signals.size):
-        s[plan.input_signals[i]] = value if plan.input_orders[i] == 0 else rate
-    for i in range(plan.presets.size):
-        s[plan.presets[i]] = plan.preset_values[i]
-    for i in range(x.size):
-        s[plan.state_at[i]] = x[i] + h * dx[i]
-
-
-@jitted
-def _run(plan: Plan, s: FloatArray, dx: FloatArray, first: int, last: int) -> None:
-    """Evaluates the terms first … last - 1 on the loaded signals."""
-    for i in range(first, last):
-        value = _call(
-            plan.addresses[i], _at(s, 0), _at(s, plan.x_at[i]), _at(dx, plan.dx_at[i]), _at(plan.p, plan.p_at[i])
-        )
-        target = plan.targets[i]
-        s[target] = value if plan.fresh[i] else s[target] + value
-
-
-@jitted
-def rates(plan: Plan, s: FloatArray, dx: FloatArray) -> None:
-    """dx = f(loaded s)."""
-    _run(plan, s, dx, 0, plan.live)
-    for i in range(plan.rate_signals.size):
-        dx[i] = s[plan.rate_signals[i]]
-
-
-@jitted
-def record(plan: Plan, s: FloatArray, scratch: FloatArray, records: IntArray, out: FloatArray, o: int) -> None:
-    """Evaluates the terms that only outputs need and writes column o."""
-    _run(plan, s, scratch, plan.live, plan.targets.size)
-    for r in range(records.size):
-        out[r, o] = s[records[r]]
-
-
-@jitted
-def _keep(states: FloatArray, o: int, x: FloatArray) -> None:
-    """states[o] = x, element by element: numba compiles the words of an error of shapes otherwise, for seconds."""
-    for i in range(x.size):
-        states[o, i] = x[i]
-
-
-@jitted
-def _hermite(
-    x: FloatArray, dx: FloatArray, y: FloatArray, dy: FloatArray, h: float, part: float, z: FloatArray
-) -> None:
-    """z = the cubic through (x, dx) and (y, dy), h apart, at this part of h."""
-    rest = 1.0 - part
-    for i in range(x.size):
-        ends = rest * x[i] + part * y[i]
-        slope = y[i] - x[i]
-        z[i] = ends - part * rest * ((rest - part) * slope - h * (rest * dx[i] - part * dy[i]))
-
-
-@jitted
-def rk4(
-    plan: Plan,
-    s: FloatArray,
-    c: FloatArray,
-    knot: float,
-    since: float,
-    h: float,
-    x: FloatArray,
-    k1: FloatArray,
-    k2: FloatArray,
-    k3: FloatArray,
-    k4: FloatArray,
-    y: FloatArray,
-) -> None:
-    """One classical Runge-Kutta step of h [s] from the states x, with slope k1, to y, whose slope is left in k4.
-
-    It begins ``since`` [s] after the knot at the time ``knot`` [s] from which the input's polynomial c counts.
-    """
-    value, rate = polynomial(c, since + h / 2)
-    load(plan, s, knot + since + h / 2, value, rate, x, k1, h / 2)
-    rates(plan, s, k2)
-    load(plan, s, knot + since + h / 2, value, rate, x, k2, h / 2)
-    rates(plan, s, k3)
-    value, rate = polynomial(c, since + h)
-    load(plan, s, knot + since + h, value, rate, x, k3, h)
-    rates(plan, s, k4)
-    for i in range(x.size):
-        y[i] = x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i])
-    load(plan, s, knot + since + h, value, rate, y, k4, 0.0)
-    rates(plan, s, k4)  # the next step's first slope
-
-
-@jitted
-def _slope(
-    plan: Plan, s: FloatArray, c: FloatArray, knot: float, since: float, x: FloatArray, z: FloatArray, dz: FloatArray
-) -> float:
-    """Fall of the acceleration over the narrowest change of sign of a dry friction [1/s]: its reciprocal is the time in
-    which the friction stops the joint there.  z, dz: (n,), (n + 1,) are overwritten."""
-    value, rate = polynomial(c, since)
-    across = 0.0
-    for side in (-0.5, 0.5):
-        for i in range(x.size):
-            z[i] = x[i]
-        z[SPEED] = side * plan.sharpest
-        load(plan, s, knot + since, value, rate, z, dz, 0.0)
-        rates(plan, s, dz)
-        across -= 2 * side * dz[SPEED]
-    return across / plan.sharpest
+def _slope(m: Any, w: Any, c: Pointer, knot: float, x: Pointer, one: int) -> float:
+    """Fall of the acceleration of a lane over the narrowest change of sign of a dry friction [1/s]: its reciprocal is
+    the time in which the friction stops the joint there.  z and k are overwritten."""
+    width, at = m.sharpest[one], SPEED * LANES + one
+    for i in range(m.states):
+        w.z[i * LANES + one] = x[i * LANES + one]
+    w.z[at] = -0.5 * width
+    across = _speed_rate(m, w, c, knot, 0.0, w.z, one)
+    w.z[at] = 0.5 * width
+    return float((across - _speed_rate(m, w, c, knot, 0.0, w.z, one)) / width)
 
 
 @jitted
@@ -247,40 +115,32 @@ def _halvings(stiffness: float) -> int:
 
 @jitted
 def _creep(
-    plan: Plan, s: FloatArray, c: FloatArray, knot: float, since: float, h: float, x: FloatArray, k1: FloatArray,
-    y: FloatArray, dz: FloatArray, k4: FloatArray,
+    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, one: int
 ) -> bool:  # fmt: skip
-    """One exponential Rosenbrock-Euler step of h [s] of a joint that friction holds, from x with slope k1 to y with
-    slope k4, both useless where it returns False: where the joint does not creep, or is not stiff.  A lag that has a
-    state of its own takes a midpoint step.
+    """One exponential Rosenbrock-Euler step of a joint that friction holds, in one lane, from x with slopes k1 to the
+    states z with slopes k, both useless where it returns False: where the joint does not creep, or is not stiff.  A lag
+    that has a state of its own takes a midpoint step.
 
     omega(t) = omega + a (1 - exp(-lambda t))/lambda, with the acceleration a and its slope lambda in the middle of the
     step (Hochbruck and Ostermann, Exponential integrators, Acta Numerica 2010).
     """
-    value, rate = polynomial(c, since + h / 2)
-    y[0], y[SPEED] = x[0] + h / 2 * x[SPEED], x[SPEED]
-    for j in range(SPEED + 1, x.size):
-        y[j] = x[j] + h / 2 * k1[j]
-    load(plan, s, knot + since + h / 2, value, rate, y, dz, 0.0)
-    rates(plan, s, dz)
-    acceleration = dz[SPEED]
-    for j in range(SPEED + 1, x.size):
-        k4[j] = x[j] + h * dz[j]
-    y[SPEED] += CREEP * plan.sharpest
-    load(plan, s, knot + since + h / 2, value, rate, y, dz, 0.0)
-    rates(plan, s, dz)
-    slope = (acceleration - dz[SPEED]) / (CREEP * plan.sharpest)
+    h, width, at, n = w.h[one], m.sharpest[one], SPEED * LANES + one, m.states
+    w.z[one], w.z[at] = x[one] + h / 2 * x[at], x[at]
+    for i in range(SPEED + 1, n):
+        w.z[i * LANES + one] = x[i * LANES + one] + h / 2 * k1[i * LANES + one]
+    acceleration = _speed_rate(m, w, c, knot, 0.5, w.z, one)
+    own = w.k[(SPEED + 1) * LANES + one]  # of the lag, where n is 3
+    w.z[at] += CREEP * width
+    slope = (acceleration - _speed_rate(m, w, c, knot, 0.5, w.z, one)) / (CREEP * width)
     if not h * slope > LAYER_STEP:
         return False
     gained = acceleration * (1 - np.exp(-h * slope)) / slope
-    if not abs(gained) < CREEP * plan.sharpest:
+    if not abs(gained) < CREEP * width:
         return False
-    y[0], y[SPEED] = x[0] + h * x[SPEED] + (h * acceleration - gained) / slope, x[SPEED] + gained
-    for j in range(SPEED + 1, x.size):
-        y[j] = k4[j]
-    value, rate = polynomial(c, since + h)
-    load(plan, s, knot + since + h, value, rate, y, dz, 0.0)
-    rates(plan, s, k4)
+    w.z[one], w.z[at] = x[one] + h * x[at] + (h * acceleration - gained) / slope, x[at] + gained
+    for i in range(SPEED + 1, n):
+        w.z[i * LANES + one] = x[i * LANES + one] + h * own
+    _speed_rate(m, w, c, knot, 1.0, w.z, one)
     return True
 
 
@@ -291,118 +151,226 @@ def _passes(speed: float, acceleration: float, h: float, layer: float) -> bool:
     return min(abs(speed), abs(end)) < layer or speed * end < 0.0
 
 
-def _start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:
-    """All signals at one instant, shape (signals + effects' states,), for states x (n,) and an input with its rate."""
-    s = plan.start.copy()
-    dx = np.zeros(x.size + 1)
-    load(plan, s, time, value, rate, x, dx, 0.0)
-    _run(plan, s, dx, 0, plan.targets.size)
-    return s
+@subroutine
+def _evaluate(m: Any, w: Any, c: Pointer, knot: float, since: float, z: Pointer, first: int, end: int) -> None:
+    """All signals of the lanes first … end - 1 for the states z, ``since`` [s] after a knot."""
+    for k in range(first, end):
+        w.since[k] = since
+    inputs(w, c, knot, w.since, 0.0, w.none, first, end)
+    load(m, w, z, w.k, 0.0, w.none, first, end)
+    run(m, w, w.k, 0, m.live, first, end)
+
+
+@subroutine
+def _hermite(
+    n: int, w: Any, x: Pointer, k1: Pointer, y: Pointer, k4: Pointer, h: float, part: float, first: int, end: int
+) -> None:
+    """z = the cubic through (x, k1) and (y, k4), h apart, at this part of h."""
+    rest = 1.0 - part
+    for i in range(n):
+        at = i * LANES
+        for k in range(first, end):
+            ends = rest * x[at + k] + part * y[at + k]
+            slope = y[at + k] - x[at + k]
+            bent = (rest - part) * slope - h * (rest * k1[at + k] - part * k4[at + k])
+            w.z[at + k] = ends - part * rest * bent
+
+
+@subroutine
+def _keep(
+    m: Any, w: Any, z: Pointer, records: IntArray, out: Any, states: Any, o: int, first: int,
+    end: int, count: int,
+) -> None:  # fmt: skip
+    """Evaluates the terms that only outputs need, and writes sample o of the lanes first … end - 1, of which those from
+    ``count`` on are not asked for; z: the states."""
+    run(m, w, w.k, m.live, m.count, first, end)
+    for k in range(first, min(end, count)):
+        for r in range(records.size):
+            out[k, r, o] = w.s[item(records, r) * LANES + k]
+        for i in range(states.shape[2]):
+            states[k, o, i] = z[i * LANES + k]
+
+
+@jitted
+def _begin(
+    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, step_s: float, step: int,
+    parts: Any, o: int, count: int,
+) -> None:  # fmt: skip
+    """Cuts a step of the lanes 0 … count - 1 in as many units as the friction of each needs."""
+    for k in range(count):
+        parts.done[k], parts.units[k], w.slope[k], at = 0, 1, 0.0, SPEED * LANES + k
+        if m.layer[k] > 0.0 and _passes(x[at], k1[at], step_s, m.layer[k]):
+            w.since[k], w.h[k] = step * step_s, step_s
+            w.slope[k] = _slope(m, w, c, knot, x, k)
+            parts.units[k] = 1 << _halvings(step_s * w.slope[k])
+        parts.size[k], parts.is_new[k], parts.next[k] = parts.units[k], 1, o
+
+
+@jitted
+def _choose(
+    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, step_s: float, step: int,
+    parts: Any, count: int,
+) -> tuple[bool, int, int]:  # fmt: skip
+    """Chooses the next part of the step of each lane that is not at its end: since, h, and whether it creeps.  Returns
+    whether there is one, and the first and the last lane that take a Runge-Kutta step."""
+    moves, first, last = False, LANES, -1
+    for k in range(count):
+        units, done, layer, at = parts.units[k], parts.done[k], m.layer[k], SPEED * LANES + k
+        parts.creeps[k], w.h[k] = 0, 0.0
+        w.since[k] = (step + done / units) * step_s
+        if done == units:
+            continue
+        size = parts.size[k]
+        if parts.is_new[k]:
+            if done > 0:
+                size = done & -done  # so that parts of each size begin at multiples of it
+            may_creep = m.states <= 3 and abs(k1[at]) < CREEP * m.sharpest[k] * w.slope[k]
+            while size > 1 and _passes(x[at], k1[at], step_s * size / units, layer):
+                w.h[k] = step_s * size / units
+                if may_creep and _creep(m, w, c, knot, x, k1, k):
+                    parts.creeps[k] = 1
+                    break
+                size >>= 1
+        parts.size[k], w.h[k] = size, step_s * size / units
+        moves = True
+        if not parts.creeps[k]:
+            first, last = min(first, k), k
+    return moves, first, last
 
 
 def _integrate(
-    plan: Plan,
-    knots: FloatArray,
-    coefficients: FloatArray,
-    substep: float,
-    x0: FloatArray,
-    times: FloatArray,
-    records: IntArray,
-    out: FloatArray,
-    states: FloatArray,
-    origin: float,
-) -> float:
-    """Integrates from knots[0] = 0 to knots[-1].  One function: with its inner loop apart, gears take 1.15 to 2.8 times
-    as long, as numba then counts references to every array in each step.
+    plan: Plan, values: Values, knots: FloatArray, coefficients: FloatArray, substep: float, count: int,
+    times: FloatArray, records: IntArray, out: FloatArray, states: FloatArray, origin: float, work: Work, steps_of: Any,
+) -> float:  # fmt: skip
+    """Integrates from knots[0] = 0 to knots[-1] in the lanes 0 … count - 1.
 
     knots: (K + 1,) ascending [s], counted from origin [s] as the output times are; coefficients: (K, 6) of the input's
-    polynomial in each interval, lowest order first; substep: longest step [s]; x0: (n,); times: (N,) ascending, within
-    the knots; records: the signals wanted; out: (len(records), N) and states: (N, n) are filled.  Returns the largest
-    magnitude of the watched signal, which is NaN or infinite when the states left the range of numbers.
+    polynomial in each interval, lowest order first; substep: longest step [s]; times: (N,) ascending, within the knots;
+    records: the signals wanted; out: (lanes, len(records), N) and states: (lanes, N, n), or (lanes, 0, 0), are filled;
+    work: begins with the states x.  Returns the largest magnitude of the watched signal of the first lane, which is NaN
+    or infinite when its states left the range of numbers.
     """
-    n = x0.size
-    s = plan.start.copy()
-    x, y, z = x0.copy(), np.empty(n), np.empty(n)
-    k1, k2, k3, k4, scratch = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    value, rate = polynomial(coefficients[0], 0.0)
-    load(plan, s, origin + knots[0], value, rate, x, k1, 0.0)
-    rates(plan, s, k1)
-    peak, o = abs(s[plan.watch]), 0
+    m, w, parts, polynomials = terms(plan, values), memory(work), _part_pointers(steps_of), address(coefficients, 0)
+    end = 1 if count == 1 else (count + VECTOR - 1) // VECTOR * VECTOR
+    n, x, y, k1, k4 = m.states, w.x, w.y, w.k1, w.k4
+    inputs(w, polynomials, origin + knots[0], w.none, 0.0, w.none, 0, end)
+    load(m, w, x, k1, 0.0, w.none, 0, end)
+    rates(m, w, k1, 0, end)
+    peak, o = abs(w.s[m.watch]), 0
     while o < times.size and times[o] <= knots[0]:
-        record(plan, s, scratch, records, out, o)
-        _keep(states, o, x)
+        _keep(m, w, x, records, out, states, o, 0, end, count)
         o += 1
     for interval in range(knots.size - 1):
-        c, left = coefficients[interval], knots[interval]
+        c, left = offset(polynomials, 6 * interval), knots[interval]
+        knot = origin + left
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
         h = (knots[interval + 1] - left) / steps
-        step, units, at, size, slope = 0, 1, 0, 1, 0.0  # at: units of this step that are done; size: of the next part
-        while step < steps:
-            creeps = False
-            if plan.layer > 0.0:
-                if at == 0:
-                    units = size = 1
-                    if _passes(x[SPEED], k1[SPEED], h, plan.layer):
-                        slope = _slope(plan, s, c, origin + left, step * h, x, z, k2)
-                        units = size = 1 << _halvings(h * slope)
+        for step in range(steps):
+            begin, finish, passes = left + step * h, left + (step + 1) * h, False
+            for k in range(count):
+                if m.layer[k] > 0.0:
+                    at = SPEED * LANES + k
+                    passes = passes or _passes(x[at], k1[at], h, m.layer[k])
+            if not passes:
+                for k in range(end):
+                    w.since[k], w.h[k] = step * h, h
+                if end == 1:
+                    rk4_of_one(m, w, c, knot, x, k1, k4, y, 0)
                 else:
-                    size = at & -at  # so that parts of each size begin at multiples of it
-                may_creep = n <= 3 and abs(k1[SPEED]) < CREEP * plan.sharpest * slope
-                while size > 1 and _passes(x[SPEED], k1[SPEED], h * size / units, plan.layer):
-                    since, part_h = (step + at / units) * h, h * size / units
-                    creeps = may_creep and _creep(plan, s, c, origin + left, since, part_h, x, k1, y, k2, k4)
-                    if creeps:
-                        break
-                    size >>= 1
-            since, part_h = (step + at / units) * h, h * size / units
-            if not creeps:
-                rk4(plan, s, c, origin + left, since, part_h, x, k1, k2, k3, k4, y)
-                while size > 1 and (abs(y[SPEED]) < plan.layer or x[SPEED] * y[SPEED] < 0.0):
-                    size >>= 1
-                    part_h = h * size / units
-                    rk4(plan, s, c, origin + left, since, part_h, x, k1, k2, k3, k4, y)
-            at += size
-            if at == units:
-                step, at = step + 1, 0
-            begin, end = left + since, left + (step + at / units) * h
-            if not abs(s[plan.watch]) <= peak:
-                peak = abs(s[plan.watch])
-            between = False  # from then on s no longer shows the end of the step
-            while o < times.size and times[o] <= end + 1e-6 * part_h:
-                part = min((times[o] - begin) / part_h, 1.0)
-                between = between or part < 1 - 1e-6
-                if between:
-                    _hermite(x, k1, y, k4, part_h, part, z)
-                    value, rate = polynomial(c, times[o] - left)
-                    load(plan, s, origin + times[o], value, rate, z, k4, 0.0)
-                    _run(plan, s, scratch, 0, plan.live)
-                    _keep(states, o, z)
-                else:
-                    _keep(states, o, y)
-                record(plan, s, scratch, records, out, o)
-                o += 1
-            x, y = y, x
-            k1, k4 = k4, k1
+                    rk4(m, w, c, knot, x, k1, k4, y, end)
+                if not abs(w.s[m.watch]) <= peak:
+                    peak = abs(w.s[m.watch])
+                between = False  # from then on s no longer shows the end of the step
+                while o < times.size and times[o] <= finish + 1e-6 * h:
+                    part = min((times[o] - begin) / h, 1.0)
+                    between = between or part < 1 - 1e-6
+                    if between:
+                        _hermite(n, w, x, k1, y, k4, h, part, 0, end)
+                        _evaluate(m, w, c, knot, times[o] - left, w.z, 0, end)
+                    _keep(m, w, w.z if between else y, records, out, states, o, 0, end, count)
+                    o += 1
+                x, y = y, x
+                k1, k4 = k4, k1
+                continue
+            _begin(m, w, c, knot, x, k1, h, step, parts, o, count)
+            while True:
+                moves, first, last = _choose(m, w, c, knot, x, k1, h, step, parts, count)
+                if not moves:
+                    break
+                if first == last:
+                    rk4_of_one(m, w, c, knot, x, k1, k4, y, first)
+                elif first < last:
+                    rk4(m, w, c, knot, x, k1, k4, y, end)
+                for k in range(count):
+                    at = SPEED * LANES + k
+                    if parts.done[k] == parts.units[k]:
+                        continue
+                    if parts.creeps[k]:
+                        for i in range(n):
+                            y[i * LANES + k], k4[i * LANES + k] = w.z[i * LANES + k], w.k[i * LANES + k]
+                    elif parts.size[k] > 1 and (abs(y[at]) < m.layer[k] or x[at] * y[at] < 0.0):
+                        parts.size[k], parts.is_new[k] = parts.size[k] >> 1, 0
+                        continue
+                    if k == 0 and not abs(w.s[m.watch]) <= peak:
+                        peak = abs(w.s[m.watch])
+                    begin, part_h = left + w.since[k], w.h[k]
+                    parts.done[k], parts.is_new[k] = parts.done[k] + parts.size[k], 1
+                    ends = parts.done[k] == parts.units[k]
+                    finish = left + (step + parts.done[k] / parts.units[k]) * h
+                    while parts.next[k] < times.size and times[parts.next[k]] <= finish + 1e-6 * (
+                        h if ends else part_h
+                    ):
+                        o = parts.next[k]
+                        _hermite(n, w, x, k1, y, k4, part_h, min((times[o] - begin) / part_h, 1.0), k, k + 1)
+                        _evaluate(m, w, c, knot, times[o] - left, w.z, k, k + 1)
+                        _keep(m, w, w.z, records, out, states, o, k, k + 1, count)
+                        parts.next[k] = o + 1
+                    for i in range(n):
+                        x[i * LANES + k], k1[i * LANES + k] = y[i * LANES + k], k4[i * LANES + k]
+            o = parts.next[0]
     return float(peak)
 
 
-def _integrate_many(
-    plan: Plan,
-    knots: FloatArray,
-    coefficients: FloatArray,
-    substep: float,
-    starts: FloatArray,
-    times: FloatArray,
-    records: IntArray,
-    out: FloatArray,
-    origin: float,
-) -> None:
-    """The same from many start states (K, n); out: (K, len(records), N) is filled."""
-    states = np.empty((times.size, starts.shape[1]))
-    for k in range(starts.shape[0]):
-        integrate(plan, knots, coefficients, substep, starts[k], times, records, out[k], states, origin)
+def _start(plan: Plan, values: Values, coefficients: FloatArray, time: float, work: Work) -> None:
+    """All signals at one instant in the first lane of work.s."""
+    m, w = terms(plan, values), memory(work)
+    _evaluate(m, w, address(coefficients, 0), time, 0.0, w.x, 0, 1)
+    run(m, w, w.k, m.live, m.count, 0, 1)
 
 
-start_signals = compiled(lambda **options: njit(**OPTIONS, **options)(_start_signals))
+_signals = compiled(lambda **options: njit(**OPTIONS, **options)(_start))
 integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_integrate))
-integrate_many = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_integrate_many))
+
+
+def start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:
+    """All signals at one instant, shape (signals + effects' states,), for states x (n,) and an input with its rate."""
+    values = beside([plan])
+    work = work_for(plan, values, x[None])
+    _signals(plan, values, np.array([[value, rate, 0.0, 0.0, 0.0, 0.0]]), time, work)
+    return work.s[::LANES].copy()
+
+
+def solve(
+    plans: Sequence[Plan], knots: FloatArray, coefficients: FloatArray, substep_s: float, starts: FloatArray,
+    times: FloatArray, records: IntArray, origin: float, *, keeps_states: bool = False,
+) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
+    """Runs from the states starts (K, n), each with its plan, or all with one; see ``_integrate``.
+
+    Returns the signals (K, records, N), the states (K, N, n), none unless asked for, and the largest magnitude of the
+    watched signal of the first run.
+    """
+    K, n = starts.shape
+    out = np.empty((K, records.size, times.size))
+    states = np.empty((K, times.size, n) if keeps_states else (K, 0, 0))
+    peak, values = 0.0, beside(plans[:1])
+    for first in range(0, K, LANES):
+        lanes = slice(first, first + LANES)
+        if len(plans) > 1:
+            values = beside(plans[lanes])
+        part = starts[lanes]
+        own = integrate(
+            plans[0], values, knots, coefficients, substep_s, len(part), times, records, out[lanes], states[lanes],
+            origin, work_for(plans[0], values, part), Parts.empty(),
+        )  # fmt: skip
+        peak = own if first == 0 else peak
+    return out, states, float(peak)

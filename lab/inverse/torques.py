@@ -21,8 +21,9 @@ from lostmotion.model.assemble import scope
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.kernel import OPTIONS, compiled
+from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.solve import load, rates
+from lostmotion.model.rk4 import Work, beside, load, memory, rates, terms, work_for
 
 __all__ = [
     "acceleration", "can_invert", "follows_motion", "inertia_of", "noise_floor", "simulable", "softened",
@@ -71,7 +72,10 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
     """
     found = np.empty(signals.time.size)
     plan = model.plan(signals.experiment.drive is not None)
-    _evaluate(plan, signals.time, signals.position, signals.velocity, drive, _parts(model, signals), found)
+    values = beside([plan])
+    work = work_for(plan, values, np.zeros((1, plan.state_at.size)))
+    parts = _parts(model, signals)
+    _evaluate(plan, values, signals.time, signals.position, signals.velocity, drive, parts, found, work)
     return found
 
 
@@ -87,24 +91,25 @@ def _parts(model: Model, signals: Signals) -> int:
 
 
 def _run(
-    plan: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, parts: int,
-    found: FloatArray,
+    plan: Any, values: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, parts: int,
+    found: FloatArray, work: Work,
 ) -> None:  # fmt: skip
-    s = plan.start.copy()
-    x, dx = np.zeros(plan.state_at.size), np.zeros(plan.state_at.size + 1)
+    m, w = terms(plan, values), memory(work)
+    n, x, dx = m.states, w.x, w.k1
     for i in range(time.size):
-        for k in range(parts if i and x.size > 2 else 0):
+        w.time[0], w.value[0] = time[i], drive[i]
+        for k in range(parts if i and n > 2 else 0):
             at, h = (k + 0.5) / parts, (time[i] - time[i - 1]) / parts
             x[0] = position[i - 1] + at * (position[i] - position[i - 1])
-            x[1] = (position[i] - position[i - 1]) / (time[i] - time[i - 1])
-            load(plan, s, time[i], drive[i], 0.0, x, dx, 0.0)
-            rates(plan, s, dx)
-            for j in range(2, x.size):
-                x[j] += h * dx[j]
-        x[0], x[1] = position[i], velocity[i]
-        load(plan, s, time[i], drive[i], 0.0, x, dx, 0.0)
-        rates(plan, s, dx)
-        found[i] = dx[1]
+            x[LANES] = (position[i] - position[i - 1]) / (time[i] - time[i - 1])
+            load(m, w, x, dx, 0.0, w.none, 0, 1)
+            rates(m, w, dx, 0, 1)
+            for j in range(2, n):
+                x[j * LANES] += h * dx[j * LANES]
+        x[0], x[LANES] = position[i], velocity[i]
+        load(m, w, x, dx, 0.0, w.none, 0, 1)
+        rates(m, w, dx, 0, 1)
+        found[i] = dx[LANES]
 
 
 _evaluate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_run))

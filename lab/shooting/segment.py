@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,6 +20,7 @@ from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import Model, ModelError, Trajectory
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray, Motion
+from lostmotion.model.run import Run, run_beside
 from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
 __all__ = [
@@ -88,15 +90,38 @@ class Segment:
 
     def residuals(self, model: Model, starts: FloatArray, substep_s: float) -> FloatArray:
         """The residuals (K, M) from several initial states (K, n); see ``residual``."""
+        run = self._prepared(model)
+        return self._residuals(None if run is None else run(starts, substep_s), len(starts))
+
+    def residuals_of(self, models: Sequence[Model], starts: FloatArray, substep_s: float) -> FloatArray:
+        """The residuals (K, M) of several models, from an initial state (K, n) each; see ``residual``."""
+        runs = [self._prepared(model) for model in models]
+        found = np.empty((len(models), self._targets[0].size))
+        left = list(range(len(models)))
+        while left:
+            first, at = runs[left[0]], left[:1]
+            if first is not None:
+                at += [i for i in left[1:] if (other := runs[i]) is not None and first.goes_beside(other)]
+            beside = [run for i in at if (run := runs[i]) is not None]
+            found[at] = self._residuals(run_beside(beside, starts[at], substep_s) if beside else None, len(at))
+            left = [i for i in left if i not in at]
+        return found
+
+    def _prepared(self, model: Model) -> Run | None:
+        """The run of a model over the segment; None where its motion is not finite."""
+        e = self.experiment
+        with suppress(ModelError):
+            return model.prepare(e.drive, e.time, tuple(e.measured), e.clock_zero)
+        return None
+
+    def _residuals(self, modelled: FloatArray | None, count: int) -> FloatArray:
+        """The residuals (K, M) of the outputs (K, columns, N) of ``count`` runs; None for runs that are impossible."""
         values, weights, seen = self._targets
-        try:
-            e = self.experiment
-            run = model.prepare(e.drive, e.time, tuple(e.measured), e.clock_zero)
-        except ModelError:
-            return np.full((len(starts), values.size), np.inf)
-        modelled = run(starts, substep_s).reshape(len(starts), -1)
+        if modelled is None:
+            return np.full((count, values.size), np.inf)
+        every = modelled.reshape(count, -1)
         with np.errstate(over="ignore", invalid="ignore"):
-            r = (values - (modelled if seen is None else modelled[:, seen])) * weights
+            r = (values - (every if seen is None else every[:, seen])) * weights
         r[~np.isfinite(r).all(axis=1)] = np.inf
         return r
 
@@ -118,12 +143,12 @@ class Segment:
         own = self.experiment.model
         at, around = unknowns.around(model, z, by)
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
-        r, *by_state = self.residuals(own(at), moved, substep_s)
-        by_parameter = [
-            (self.residuals(own(there), self.start[None], substep_s)[0] - r) / step for there, step in around
-        ]
-        A = np.array(by_parameter).T if by_parameter else np.empty((r.size, 0))
-        return Linearised(r, A, (np.array(by_state) - r).T / by)
+        models = [own(at)] * len(moved) + [own(there) for there, _ in around]
+        starts = np.vstack([moved, np.tile(self.start, (len(around), 1))])
+        r, *others = self.residuals_of(models, starts, substep_s)
+        steps = [by] * self.start.size + [step for _, step in around]
+        slopes = ((np.array(others) - r) / np.array(steps)[:, None]).T
+        return Linearised(r, slopes[:, self.start.size :], slopes[:, : self.start.size])
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:

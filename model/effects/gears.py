@@ -41,7 +41,7 @@ def eccentric_rate(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 def asymmetric(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """(ratio - 1) beta X^n on the flank X > 0; p: ratio, beta, n, d."""
     closed = 2.0 * s[GAP] / p[3]
-    return (p[0] - 1.0) * p[1] * whole_power(closed, int(p[2])) if closed > 0 else 0.0
+    return (p[0] - 1.0) * p[1] * whole_power(closed, p[2]) if closed > 0 else 0.0
 
 
 @kernel

@@ -1,0 +1,269 @@
+"""The tables of a model, their evaluation, and one Runge-Kutta step, for several simulations side by side.
+
+A simulation is a lane (lanes.py): all arrays that change have one row for each signal or state, and one column for each
+lane.  The lanes of a run share the input, the output times and the terms of the model, and differ in states and values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostmotion.model.kernel import jitted, subroutine
+from lostmotion.model.lanes import LANES, address, call, offset
+
+__all__ = [
+    "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "beside", "inputs", "load", "memory",
+    "rates", "rk4", "rk4_of_one", "run", "terms", "work_for",
+]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Pointer = Any
+"""To the first number of an array of lanes, within compiled code."""
+
+
+class Plan(NamedTuple):
+    """A model as tables, T terms, n states of which the first are the base's.
+
+    addresses, targets: (T,) in causal order; fresh: (T,) 1 where the term is the first on its target, which it then
+    sets instead of adding to it; p, p_at: parameters of all terms and where each begins; x_at, dx_at: where the term's
+    states begin in the signals and in the states; live: how many terms the derivatives need, the others wait for an
+    output; state_at: (n,) where each state stands among the signals; rate_signals: the signals that are the derivatives
+    of base states; input_signals, input_orders: which signals carry the input (order 0) and its derivative (1) before
+    any term; presets: signals that terms add to without one that sets them, with their value; start: (S,) signals to
+    begin with, those of the model, then the effects' own states; time, watch: the signals that hold the time, and whose
+    largest magnitude is reported; layer: the speed up to which steps are halved, 0 without dry friction; sharpest: the
+    least width of its change of sign.
+    """
+
+    addresses: NDArray[np.uint64]
+    targets: IntArray
+    fresh: IntArray
+    p: FloatArray
+    p_at: IntArray
+    x_at: IntArray
+    dx_at: IntArray
+    live: int
+    state_at: IntArray
+    rate_signals: IntArray
+    input_signals: IntArray
+    input_orders: IntArray
+    presets: IntArray
+    preset_values: FloatArray
+    start: FloatArray
+    time: int
+    watch: int
+    layer: float
+    sharpest: float
+
+
+class Values(NamedTuple):
+    """What differs between lanes beside their states, one row for each number: p, preset_values, start, layer and
+    sharpest of ``Plan``, (rows x LANES,)."""
+
+    p: FloatArray
+    preset_values: FloatArray
+    start: FloatArray
+    layer: FloatArray
+    sharpest: FloatArray
+
+
+class Terms(NamedTuple):
+    """The tables of a plan and the values of the lanes as pointers, with their lengths, within compiled code: arrays
+    have seven fields each, which every call would copy."""
+
+    addresses: Any
+    targets: Any
+    fresh: Any
+    p: Any
+    p_at: Any
+    x_at: Any
+    dx_at: Any
+    live: Any
+    count: Any
+    state_at: Any
+    states: Any
+    rate_signals: Any
+    rates: Any
+    input_signals: Any
+    input_orders: Any
+    inputs: Any
+    presets: Any
+    preset_values: Any
+    preset_count: Any
+    time: Any
+    watch: Any
+    layer: Any
+    sharpest: Any
+
+
+class Work(NamedTuple):
+    """Memory of a run, an array of lanes each: signals s; states x, y, z; derivatives k1 to k4, k; time, value and
+    rate of the input; since, h: begin and length of a step; slope: of a friction; out: of a kernel; none: zeros."""
+
+    s: FloatArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    k1: FloatArray
+    k2: FloatArray
+    k3: FloatArray
+    k4: FloatArray
+    k: FloatArray
+    time: FloatArray
+    value: FloatArray
+    rate: FloatArray
+    since: FloatArray
+    h: FloatArray
+    slope: FloatArray
+    out: FloatArray
+    none: FloatArray
+
+
+def beside(plans: Sequence[Plan]) -> Values:
+    """The values of up to ``LANES`` plans with the same terms; one alone is that of all lanes, and the last one also
+    that of the lanes that are left."""
+    if len(plans) == 1:
+        return Values(*(np.repeat(rows, LANES) for rows in _differing(plans[0])))
+    at = np.minimum(np.arange(LANES), len(plans) - 1)
+    columns = zip(*(_differing(plan) for plan in plans), strict=True)
+    return Values(*(np.array(every).reshape(len(plans), -1).T[:, at].ravel() for every in columns))
+
+
+def _differing(plan: Plan) -> tuple[FloatArray | float, ...]:
+    return plan.p, plan.preset_values, plan.start, plan.layer, plan.sharpest
+
+
+def work_for(plan: Plan, values: Values, starts: FloatArray) -> Work:
+    """The memory for runs from the states starts (K, n), K at most ``LANES``."""
+    n = plan.state_at.size
+    at = np.minimum(np.arange(LANES), len(starts) - 1)
+    x = starts[at].T.ravel()
+    states, slopes, rows = (np.zeros((count, rows * LANES)) for count, rows in ((2, n), (5, n + 1), (8, 1)))
+    return Work(values.start.copy(), x, *states, *slopes, *rows)
+
+
+@jitted
+def terms(plan: Plan, values: Values) -> Any:
+    """The ``Terms`` of a plan with these values."""
+    return Terms(
+        address(plan.addresses, 0), address(plan.targets, 0), address(plan.fresh, 0), address(values.p, 0),
+        address(plan.p_at, 0), address(plan.x_at, 0), address(plan.dx_at, 0), plan.live, plan.targets.size,
+        address(plan.state_at, 0), plan.state_at.size, address(plan.rate_signals, 0), plan.rate_signals.size,
+        address(plan.input_signals, 0), address(plan.input_orders, 0), plan.input_signals.size,
+        address(plan.presets, 0), address(values.preset_values, 0), plan.presets.size, plan.time * LANES,
+        plan.watch * LANES, address(values.layer, 0), address(values.sharpest, 0),
+    )  # fmt: skip
+
+
+@jitted
+def memory(w: Work) -> Any:
+    """The same as pointers to the first number of each array."""
+    return Work(
+        address(w.s, 0), address(w.x, 0), address(w.y, 0), address(w.z, 0), address(w.k1, 0), address(w.k2, 0),
+        address(w.k3, 0), address(w.k4, 0), address(w.k, 0), address(w.time, 0), address(w.value, 0),
+        address(w.rate, 0), address(w.since, 0), address(w.h, 0), address(w.slope, 0), address(w.out, 0),
+        address(w.none, 0),
+    )  # fmt: skip
+
+
+@jitted
+def inputs(w: Any, c: Pointer, knot: float, since: Pointer, part: float, h: Pointer, first: int, end: int) -> None:
+    """Sets the time, and the input with its derivative, at a part of the steps h [s] of the lanes first … end - 1.
+
+    They begin ``since`` [s] after the knot at the time ``knot`` [s] from which the polynomial c (6,), lowest order
+    first, counts.
+    """
+    c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
+    for k in range(first, end):
+        tau = since[k] + part * h[k]
+        w.time[k] = knot + tau
+        w.value[k] = c0 + tau * (c1 + tau * (c2 + tau * (c3 + tau * (c4 + tau * c5))))
+        w.rate[k] = c1 + tau * (2 * c2 + tau * (3 * c3 + tau * (4 * c4 + tau * (5 * c5))))
+
+
+@jitted
+def load(m: Any, w: Any, x: Pointer, dx: Pointer, part: float, h: Pointer, first: int, end: int) -> None:
+    """Sets what the terms start from in the lanes first … end - 1: time, input, presets, and the states x + part h dx;
+    m, w: ``Terms`` and ``Work`` of the run."""
+    s = w.s
+    for k in range(first, end):
+        s[m.time + k] = w.time[k]
+    for i in range(m.inputs):
+        row, source = m.input_signals[i] * LANES, w.value if m.input_orders[i] == 0 else w.rate
+        for k in range(first, end):
+            s[row + k] = source[k]
+    for i in range(m.preset_count):
+        row, at = m.presets[i] * LANES, i * LANES
+        for k in range(first, end):
+            s[row + k] = m.preset_values[at + k]
+    for i in range(m.states):
+        row, at = m.state_at[i] * LANES, i * LANES
+        for k in range(first, end):
+            s[row + k] = x[at + k] + part * h[k] * dx[at + k]
+
+
+@jitted
+def run(m: Any, w: Any, dx: Pointer, begin: int, last: int, first: int, end: int) -> None:
+    """Evaluates the terms begin … last - 1 on the loaded signals of the lanes first … end - 1."""
+    s, out = w.s, w.out
+    for i in range(begin, last):
+        x, its = offset(s, m.x_at[i] * LANES + first), offset(dx, m.dx_at[i] * LANES + first)
+        p = offset(m.p, m.p_at[i] * LANES + first)
+        row, is_fresh = m.targets[i] * LANES, m.fresh[i] != 0
+        to = offset(s, row + first) if is_fresh else offset(out, first)
+        call(m.addresses[i], offset(s, first), x, its, p, to, end - first)
+        if not is_fresh:
+            for k in range(first, end):
+                s[row + k] += out[k]
+
+
+@jitted
+def rates(m: Any, w: Any, dx: Pointer, first: int, end: int) -> None:
+    """dx = f(loaded signals) in the lanes first … end - 1."""
+    run(m, w, dx, 0, m.live, first, end)
+    for i in range(m.rates):
+        row, at = m.rate_signals[i] * LANES, i * LANES
+        for k in range(first, end):
+            dx[at + k] = w.s[row + k]
+
+
+@jitted
+def _step(
+    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, first: int, end: int
+) -> None:
+    """One classical Runge-Kutta step of the lanes first … end - 1, with their ``since`` and ``h``, from the states x,
+    with slopes k1, to y, whose slopes are left in k4; c, knot: see ``inputs``."""
+    inputs(w, c, knot, w.since, 0.5, w.h, first, end)
+    load(m, w, x, k1, 0.5, w.h, first, end)
+    rates(m, w, w.k2, first, end)
+    load(m, w, x, w.k2, 0.5, w.h, first, end)
+    rates(m, w, w.k3, first, end)
+    inputs(w, c, knot, w.since, 1.0, w.h, first, end)
+    load(m, w, x, w.k3, 1.0, w.h, first, end)
+    rates(m, w, k4, first, end)
+    for i in range(m.states):
+        at = i * LANES
+        for k in range(first, end):
+            middle = w.k2[at + k] + w.k3[at + k]
+            y[at + k] = x[at + k] + w.h[k] / 6 * (k1[at + k] + 2 * middle + k4[at + k])
+    load(m, w, y, k4, 0.0, w.h, first, end)
+    rates(m, w, k4, first, end)  # the next step's first slope
+
+
+@subroutine
+def rk4(m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, end: int) -> None:
+    """``_step`` of the lanes 0 … end - 1."""
+    _step(m, w, c, knot, x, k1, k4, y, 0, end)
+
+
+@subroutine
+def rk4_of_one(
+    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, one: int
+) -> None:
+    """``_step`` of one lane, without loops."""
+    _step(m, w, c, knot, x, k1, k4, y, one, one + 1)
