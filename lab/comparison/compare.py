@@ -267,8 +267,8 @@ def _with_zero(model: Model, experiment: Experiment) -> Experiment:
         return experiment
     fixed, signals = held(model, free_names(model)), Signals.of(experiment)
     data = replace(OutputError.of([signals], fixed), is_anchored=False)
-    ((zero, _),) = data.starts(regressed(fixed, data).nuisance)
-    return signals.shifted(zero).experiment
+    (zero,) = data.zeros(fixed, regressed(fixed, data).nuisance)
+    return signals.shifted(-zero).experiment
 
 
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:

@@ -90,6 +90,11 @@ class Experiment:
         """The sampling rate, from the median spacing."""
         return float(1 / np.median(np.diff(self.time)))
 
+    @property
+    def is_driven(self) -> bool:
+        """Whether an input was recorded that is not zero throughout."""
+        return self.drive is not None and bool(np.any(self.drive.position(self.time)))
+
     def between(self, start: float, stop: float) -> Experiment:
         """The segment with start <= time < stop [s], which has at least two samples."""
         first, last = np.searchsorted(self.time, (start - 1e-9, stop - 1e-9))

@@ -22,36 +22,31 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "free_states", "held", "is_driven", "is_onward", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "held", "is_onward", "with_free_states", "with_scale"]
 
 PLACES, ONWARD = 100, 0.9
 """Number of samples of an angle, and the least share of the distance between them that leads onward: a shaft that turns
 back by a tenth does not coast."""
 
 
-def is_driven(experiment: Experiment) -> bool:
-    """Whether an input was recorded that is not zero throughout."""
-    return experiment.drive is not None and bool(np.any(experiment.drive.position(experiment.time)))
-
-
 def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Estimate, ...]]:
     """The model without the parameters that no fit to these experiments can identify: where no input was recorded, the
     scale of its forces is held at its value, and so is a constant force that looks like something else.  Also returns
     the held scale, as an estimate that is not identified."""
-    is_driven_once = any(map(is_driven, experiments))
-    if not is_driven_once:
+    is_driven = any(one.is_driven for one in experiments)
+    if not is_driven:
         model = with_free_states(model)
-    if "bias" in model.parameters and not _is_bias_identified(model, experiments, is_driven_once):
+    if "bias" in model.parameters and not _is_bias_identified(model, experiments, is_driven):
         model = held(model, ["bias"])
     name = get_base(model.base).scale
-    if is_driven_once or not name or model.parameters[name].fixed:
+    if is_driven or not name or model.parameters[name].fixed:
         return model, ()
     parameter = model.parameters[name]
     scale = Estimate(name, parameter.value, parameter.value, parameter.value, parameter.unit, identified=False)
     return held(model, [name]), (scale,)
 
 
-def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driven_once: bool) -> bool:
+def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driven: bool) -> bool:
     """Whether these experiments distinguish the constant force of a base from all else.  An accelerometer does not feel
     where a bar rests, and a shaft that coasts down in one direction is braked by a constant force as by dry friction.
     The bias of an accelerometer is always distinguished."""
@@ -59,7 +54,7 @@ def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driv
         return True
     if all(set(one.measured) == {ACCEL} for one in experiments):
         return False
-    shafts = model.base == "joint" and not is_driven_once
+    shafts = model.base == "joint" and not is_driven
     return not (shafts and all(coasts(next(iter(one.measured.values())), one.is_linear) for one in experiments))
 
 
@@ -100,14 +95,14 @@ def with_free_states(model: Model) -> Model:
     return model.replace({"bias": replace(bias, value=0.0, fixed=not bias.fixed)})
 
 
-def free_states(model: Model, is_moved: bool) -> tuple[str, ...]:
+def free_states(model: Model, is_driven: bool) -> tuple[str, ...]:
     """The names of the states of effects whose initial values are fitted.
 
-    is_moved: whether an input drives the motion.  Then they are the states of lags, which depend on the input before
+    is_driven: whether an input drives the motion.  Then they are the states of lags, which depend on the input before
     the recording; else those that only their initial values set in motion.
     """
     effects = {
         name for name in model.effects
-        if (any(one is not None for one in get_effect(name).states) if is_moved else get_effect(name).free_states)
+        if (any(one is not None for one in get_effect(name).states) if is_driven else get_effect(name).free_states)
     }  # fmt: skip
     return tuple(name for name in model.state_names if name.split(".")[0] in effects)

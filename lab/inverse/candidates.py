@@ -19,7 +19,7 @@ from lostmotion.lab.inverse.first_values import evaluated, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
-from lostmotion.lab.inverse.signals import Signals, are_driven
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import follows_motion, inertia_of, simulable, softened
 from lostmotion.lab.selection.evidence import are_consistent
 from lostmotion.lab.selection.nesting import others, wider
@@ -75,7 +75,6 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         [getattr(one, what) for one in signals] for what in ("position", "velocity", "acceleration")
     )
     driving = [usual_torque(model, one.experiment) for one in signals if model.base == "servo"]
-    is_moved = are_driven(signals)
     torque = (
         data.signal_rms(model)
         if isinstance(data, InverseModel)
@@ -92,7 +91,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
-        rest=bias / stiffness if stiffness and not is_moved else 0.0, lines=loudest.lines,
+        rest=bias / stiffness if stiffness and not data.is_driven else 0.0, lines=loudest.lines,
     )  # fmt: skip
 
 
@@ -104,7 +103,6 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
     is a candidate in its place.
     """
     is_simulated = isinstance(data, OutputError)
-    is_moved = are_driven(data.signals)
     is_linear = any(one.experiment.is_linear for one in data.signals)
     nested = dict(found for part in added if (found := wider(model, part)))
     for name in others(model):
@@ -119,7 +117,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
             wide = model.with_effect(name)
             if is_simulated:  # a mode of some hertz and centimetres, or of kilohertz and micrometres
                 wide = simulable(wide, data.signals)
-            yield name, wide if is_moved else with_free_states(_without_excitation(wide, effect))
+            yield name, wide if data.is_driven else with_free_states(_without_excitation(wide, effect))
 
 
 def _without_excitation(wide: Model, effect: Effect) -> Model:

@@ -10,8 +10,7 @@ import numpy as np
 from lostmotion.lab import words
 from lostmotion.lab.data.experiment import axis_of as axis_of_experiments
 from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
-from lostmotion.lab.fitting.identifiability import is_driven
-from lostmotion.lab.inverse.problem import InverseModel, by_recording
+from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.quantity import quantity
@@ -34,17 +33,17 @@ def described(fit: Regression) -> Finding:
     if isinstance(data, InverseModel):
         variables = [
             _states(one, names, one.time[one.kept])
-            | ({"torque": one.filtered(load)} if is_driven(one.experiment) else {})
+            | ({"torque": one.filtered(load)} if one.experiment.is_driven else {})
             for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
         ]
-        what, unit = words.column("torque", *axis_of(fit))
+        what, unit = words.column(data.column, *axis_of(fit))
         text = f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is missing"
     else:
         times = [one.experiment.time[~np.isnan(one.experiment.measured[one.column])] for one in data.signals]
         variables = [_states(one, names, time) for one, time in zip(data.signals, times, strict=True)]
-        unit = words.column(data.signals[0].column, *axis_of(fit))[1]
+        unit = words.column(data.column, *axis_of(fit))[1]
         text = f"an error of the motion of about {quantity(fit.error, unit, 2)} is left"
-    residuals = by_recording(fit.misfit, data)
+    residuals = data.by_recording(fit.misfit)
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     return finding("joint" if is_joint else "oscillator", text, unit, found)
 

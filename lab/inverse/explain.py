@@ -22,11 +22,11 @@ import numpy as np
 from scipy.special import stdtrit
 
 from lostmotion.lab import policy, words
-from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import coasts, is_driven, with_scale
+from lostmotion.lab.fitting.identifiability import coasts, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import axis_of, described
 from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
@@ -76,7 +76,7 @@ def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
         return None
     if model.base in SIMULATED or not can_invert(model):
         return Method.MOTION
-    driven = {is_driven(one): one.name for one in experiments}
+    driven = {one.is_driven: one.name for one in experiments}
     if len(driven) > 1:
         raise ExperimentError(
             f"found a torque in {driven[True]} and none in {driven[False]}, expected one in all recordings or in none: "
@@ -283,12 +283,14 @@ def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArr
     if isinstance(fit.data, InverseModel):
         return [(_renamed(one, remark), None) for one in fit.data.signals]
     assert isinstance(fit.data, OutputError)
+    zeros, starts = fit.data.zeros(fit.model, fit.nuisance), fit.data.starts(fit.nuisance)
+    shown = [
+        _renamed(one if one.column == ACCEL else one.shifted(-zero), remark)
+        for one, zero in zip(fit.data.signals, zeros, strict=True)
+    ]
     return [
-        (
-            shown := _renamed(one.shifted(zero), remark),
-            initial_state(shown.model(fit.model), shown, state, fit.data.free),
-        )
-        for one, (zero, state) in zip(fit.data.signals, fit.data.starts(fit.nuisance), strict=True)
+        (one, initial_state(one.model(fit.model), one, start, fit.data.free))
+        for one, start in zip(shown, starts, strict=True)
     ]
 
 

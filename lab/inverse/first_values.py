@@ -13,7 +13,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.problem import InverseModel, Problem, by_recording
+from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.least_squares import projected_off
@@ -76,9 +76,8 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
 def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
     """The decrease of the norm of each recording's residual by this change of it (M,), projected off the fitted
     parameters; negative where the change has the wrong sign."""
-    parts = zip(
-        by_recording(projected_off(now.jacobian, column), now.data), by_recording(now.residual, now.data), strict=True
-    )
+    split = now.data.by_recording
+    parts = zip(split(projected_off(now.jacobian, column)), split(now.residual), strict=True)
     return [-float(own @ residual) / max(float(np.linalg.norm(own)), 1e-100) for own, residual in parts]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.inverse.problem import Problem, by_recording
+from lostmotion.lab.inverse.problem import Problem
 from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.shooting.parameters import Unknown, Unknowns
 from lostmotion.model import Model, ModelError
@@ -75,15 +75,16 @@ class Objective:
         """
         here, data, recordings = self.residual(z), self.data, len(self.data.signals)
         count, found = len(self.unknowns.items), np.zeros((here.size, z.size))
-        parts = by_recording(np.arange(sum(data.counts)), data)
+        parts = data.by_recording(np.arange(sum(data.counts)))
         for at in range(count):
             if self.known and is_over():
                 raise FitEndsError
             step = STEP * max(1.0, abs(z[at]))
             step = -step if z[at] + step > self.high[at] else step
             found[:, at] = (self.residual(z + step * (np.arange(z.size) == at)) - here) / step
-        for k in range(data.nuisance_count):
-            mine = count + k + data.nuisance_count * np.arange(recordings)
+        each = (z.size - count) // recordings
+        for k in range(each):
+            mine = count + k + each * np.arange(recordings)
             step = STEP * max(1.0, float(np.abs(z[mine]).max()))
             change = (self.residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
             for rows, column in zip(parts, mine, strict=True):

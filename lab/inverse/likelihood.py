@@ -36,7 +36,7 @@ from lostmotion.lab.inverse.free_motion import continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
-from lostmotion.lab.inverse.signals import Signals, are_driven
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
@@ -129,14 +129,14 @@ class WholeMotion:
         return turns_of(self.signals)
 
     @property
-    def is_moved(self) -> bool:
+    def is_driven(self) -> bool:
         """Whether an input drives the motion."""
-        return are_driven(self.signals)
+        return any(one.experiment.is_driven for one in self.signals)
 
     def first(self) -> Fitted:
         """The fit of the model as it is."""
         if self.method is Method.MOTION:
-            fit = regressed if self.is_moved else continued
+            fit = regressed if self.is_driven else continued
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
             best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
             return Fitted(best, best)
@@ -146,7 +146,7 @@ class WholeMotion:
     def opposed(self, now: Fitted) -> Sequence[str]:
         """The effects of ``nesting.around`` for a motion that dies away; none for a motion that an input drives, which
         distinguishes them."""
-        return () if self.is_moved else around(now.model)
+        return () if self.is_driven else around(now.model)
 
     def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
         """Fits with each of the candidates in one batch, as far as the time allows.
@@ -177,7 +177,7 @@ class WholeMotion:
             return {}, {}
         tried = each(self.pool, partial(fitted_by_acceleration, inverse=inverse), wide)
         begun = {name: fit for (name, _), fit in tried if fit}
-        is_known = not self.is_moved and inverse.rms > 0
+        is_known = not self.is_driven and inverse.rms > 0
         return begun, {name: now.rms * fit.rms / inverse.rms for name, fit in begun.items()} if is_known else {}
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
@@ -202,7 +202,7 @@ class WholeMotion:
         model, data, nuisance = without(fit.model, effect), fit.inverse.data, fit.inverse.nuisance
         if not isinstance(data, OutputError):
             return self._fitted(_with_load(model, InverseModel.of(data.signals, model, nuisance), nuisance))
-        if get_effect(effect).rests_by and not self.is_moved:  # the constant torque may stand for it
+        if get_effect(effect).rests_by and not self.is_driven:  # the constant torque may stand for it
             model = with_free_states(model.replace({"bias": self.model.parameters["bias"]}))
         data, nuisance = data.trimmed(model, nuisance)
         less = regressed(model, data, nuisance, SHORT)

@@ -11,19 +11,21 @@ identification: a user-oriented road map", IEEE Control Systems 39 (2019).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import compress
+from typing import Self
 
 import numpy as np
 from scipy.optimize import brentq
 
 from lostmotion.lab.data.clipping import RANGE
 from lostmotion.lab.data.experiment import ACCEL, Experiment
-from lostmotion.lab.fitting.identifiability import free_states, is_driven
-from lostmotion.lab.inverse.problem import HELD, by_recording
-from lostmotion.lab.inverse.signals import Signals, are_driven
+from lostmotion.lab.fitting.identifiability import free_states
+from lostmotion.lab.inverse.problem import Problem
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
@@ -50,22 +52,16 @@ enough; and how often it is halved at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class OutputError:
-    """The error of the simulated motion of R recordings, with K values of each as nuisance parameters: the initial
-    position and speed, the zero of its sensor where it has one of its own, and the free states of effects at the start;
-    see ``Problem``.
+class OutputError(Problem):
+    """The error of the simulated motion of R recordings, with K initial values of each as nuisance parameters: its
+    position and speed, and the free states of effects.
 
-    substep_s: integration step of a fit [s]; prior_centre: the model near which parameters stay that are not
-    identified.
+    substep_s: integration step of a fit [s]; free: the names of the states of effects whose initial values are fitted.
     """
 
-    signals: tuple[Signals, ...]
     substep_s: float
-    prior_centre: Model
-    free: tuple[str, ...] = ()
-    """The names of the states of effects whose initial values are fitted."""
-    is_anchored: bool = True
-    """Whether the zero of the first recording is that of the model; see ``problem.InverseModel``."""
+    free: tuple[str, ...]
+    prior_centre: Model = field(kw_only=True)
 
     @classmethod
     def of(cls, signals: Sequence[Signals], model: Model, substep_s: float = 0.0) -> OutputError:
@@ -78,7 +74,8 @@ class OutputError:
             for one, part in zip(signals, parts, strict=True)
         )
         step = substep_s or _coarse_substep(model, moving)
-        return cls(moving, step, model, free_states(model, are_driven(moving)))
+        is_driven = any(one.experiment.is_driven for one in moving)
+        return cls(moving, step, free_states(model, is_driven), prior_centre=model)
 
     def first(self, share: float) -> OutputError:
         """The problem for the first part of each recording; share: of its duration."""
@@ -89,29 +86,25 @@ class OutputError:
         return replace(self, signals=tuple(parts))
 
     @property
+    def column(self) -> str:
+        """The measured one."""
+        return self.signals[0].column
+
+    @cached_property
     def nuisance(self) -> FloatArray:
-        """The initial position and speed of each recording in the filtered signals, a zero of its sensor of 0, and its
-        free states in equilibrium with them (K R,)."""
-        return np.concatenate([
-            [one.position[0], one.velocity[0], *[0.0] * self._has_zeros, *self._settled(self.prior_centre, one)]
-            for one in self.signals
-        ])  # fmt: skip
+        """The initial position and speed of each recording in the filtered signals, and its free states in equilibrium
+        with them (K R,).
 
-    @property
-    def _has_zeros(self) -> bool:
-        """Whether the zeros of the sensors of several recordings are fitted, as encoders and films have theirs where
-        the user puts it: three swings of a disk whose zeros differ by 0.8 rad had 26 degrees left, and 5 with zeros of
-        their own.  The goal of a servo is counted from the zero of its angle."""
-        is_placed = self.prior_centre.base != "servo" and all(one.column != ACCEL for one in self.signals)
-        return is_placed and (len(self.signals) > 1 or not self.is_anchored)
+        A fit may move them anywhere, as near an end the transient of the filter is many times the noise: a bar that a
+        force sets into motion from rest had 14 times the noise left where its initial speed was bounded by the scatter
+        of the readings.
+        """
+        starts = ([one.position[0], one.velocity[0], *self._settled(self.prior_centre, one)] for one in self.signals)
+        return np.array([value for start in starts for value in start])
 
-    def starts(self, nuisance: FloatArray) -> list[tuple[float, FloatArray]]:
-        """For each recording what is to be added to its readings, and the initial position, speed and free states;
-        nuisance: (K R,)."""
-        rows = nuisance.reshape(len(self.signals), -1)
-        if not self._has_zeros:
-            return [(0.0, row) for row in rows]
-        return [(float(row[2]), np.concatenate([[row[0] + row[2], row[1]], row[3:]])) for row in rows]
+    def starts(self, nuisance: FloatArray) -> FloatArray:
+        """The initial position, speed and free states of each recording (R, K)."""
+        return nuisance.reshape(len(self.signals), -1)
 
     def _settled(self, model: Model, one: Signals) -> list[float]:
         """The free states in equilibrium with the start of a recording; zero for those that the model lacks."""
@@ -122,76 +115,64 @@ class OutputError:
         known = dict(zip(own.state_names, state.tolist(), strict=True))
         return [known.get(name, 0.0) for name in self.free]
 
-    @property
-    def nuisance_range(self) -> FloatArray:
-        """Infinite (K R,), but for a zero that is known: the initial values may be anywhere.  The readings determine
-        them.  The filtered signals do not, as near an end the transient of the filter is many times their noise.  A bar
-        that a force sets into motion from rest had 14 times the noise left where its initial speed was bounded by their
-        scatter."""
-        free = np.full(self.nuisance.size, np.inf)
-        if self._has_zeros and self.is_anchored:
-            free[2] = HELD
-        return free
-
-    @property
-    def nuisance_count(self) -> int:
-        """K, the number of nuisance parameters of one recording."""
-        return 2 + self._has_zeros + len(self.free)
-
     def trimmed(self, model: Model, nuisance: FloatArray) -> tuple[OutputError, FloatArray]:
         """The problem without the free states that the model lacks, and the nuisance parameters (K R,) without them."""
         has = [name in model.state_names for name in self.free]
-        rows = nuisance.reshape(len(self.signals), self.nuisance_count)[:, [True] * (2 + self._has_zeros) + has]
+        rows = self.starts(nuisance)[:, [True, True, *has]]
         return replace(self, free=tuple(compress(self.free, has))), np.asarray(rows.ravel())
 
     def begun(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Nuisance parameters (K R,) with initial values of additional free states that reduce the residual most, by
         linear least squares; nuisance: (K' R,), those without the additional states."""
-        recordings = len(self.signals)
-        known = nuisance.reshape(recordings, -1)
-        if known.shape[1] == self.nuisance_count:
+        known, many = self.starts(nuisance), 2 + len(self.free)
+        if known.shape[1] == many:
             return nuisance
-        found = np.array([[0.0] * (2 + self._has_zeros) + self._settled(model, one) for one in self.signals])
+        found = np.array([[0.0, 0.0, *self._settled(model, one)] for one in self.signals])
         found[:, : known.shape[1]] = known
         here, columns = self.residual(model, found.ravel()), []
-        for at in range(known.shape[1], self.nuisance_count):
-            unit = np.ptp(self.signals[0].position) * (np.arange(self.nuisance_count) == at)
-            columns.append(by_recording(self.residual(model, (found + unit).ravel()) - here, self))
-        for row, column, left in zip(found, zip(*columns, strict=True), by_recording(here, self), strict=True):
+        for at in range(known.shape[1], many):
+            unit = np.ptp(self.signals[0].position) * (np.arange(many) == at)
+            columns.append(self.by_recording(self.residual(model, (found + unit).ravel()) - here))
+        for row, column, left in zip(found, zip(*columns, strict=True), self.by_recording(here), strict=True):
             size = -np.linalg.lstsq(np.stack(column, axis=1), left)[0]
             row[known.shape[1] :] += size * np.ptp(self.signals[0].position)
         return np.asarray(found.ravel())
 
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """The residual, which is not whitened: errors of a simulated motion add up."""
-        return self.residual(model, nuisance)
+        """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²]."""
+        return np.concatenate([left for left, _ in self._compared(model, nuisance)])
 
-    def whitened(self, misfit: FloatArray) -> FloatArray:
-        """Unchanged."""
-        return misfit
+    def zeros(self, model: Model, nuisance: FloatArray) -> list[float]:
+        """What the sensor of each recording reads where the motion of the model is zero [rad, m or m/s²]."""
+        return [zero for _, zero in self._compared(model, nuisance)]
 
-    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²].
+    def _compared(self, model: Model, nuisance: FloatArray) -> Iterator[tuple[FloatArray, float]]:
+        """Measured less simulated motion (M_i,), and the zero of the sensor, for each recording.
 
-        An accelerometer has an offset, from gravity and its own: that for which the residual's mean is zero is removed
-        (variable projection).  What the sensor cuts off is the acceleration with the offset.
+        The zero is that for which the residual's mean is zero (variable projection).  What a sensor cuts off is the
+        motion with the zero.
         """
-        parts, limit = [], model.own(RANGE)["a_max"].value if RANGE in model.effects else np.inf
+        limit = model.own(RANGE)["a_max"].value if RANGE in model.effects else np.inf
         model = without(model, RANGE) if RANGE in model.effects else model
-        for one, (zero, start) in zip(self.signals, self.starts(nuisance), strict=True):
-            experiment = one.experiment
-            own, measured = experiment.model(model), experiment.measured[one.column] + zero
-            state = initial_state(own, experiment, start, self.free)
+        for at, (one, start) in enumerate(zip(self.signals, self.starts(nuisance), strict=True)):
+            experiment, measured = one.experiment, one.experiment.measured[one.column]
+            own, seen = experiment.model(model), ~np.isnan(measured)
             try:
-                run = own.simulate(experiment.drive, experiment.time, state, **self._step)
-                motion = run[one.column]
+                state = initial_state(own, experiment, start, self.free)
+                motion = own.simulate(experiment.drive, experiment.time, state, **self._step)[one.column][seen]
             except ModelError:
-                motion = np.full(experiment.time.size, np.inf)
-            seen = ~np.isnan(measured)
-            has_offset = one.column == ACCEL and np.isfinite(motion).all()
-            offset = offset_of(measured[seen], motion[seen], limit) if has_offset else 0.0
-            parts.append(measured[seen] - np.clip(motion[seen] + offset, -limit, limit))
-        return np.concatenate(parts)
+                motion = np.full(int(seen.sum()), np.inf)
+            has_zero = self._has_zero(at) and np.isfinite(motion).all()
+            zero = offset_of(measured[seen], motion, limit) if has_zero else 0.0
+            yield measured[seen] - np.clip(motion + zero, -limit, limit), zero
+
+    def _has_zero(self, at: int) -> bool:
+        """Whether the sensor of a recording has a zero of its own: an accelerometer, which feels gravity and has an
+        offset, and an encoder or a film, whose zero is where the user puts it, relative to the first recording: three
+        swings of a disk whose zeros differ by 0.8 rad had 26 degrees left, and 5 with zeros of their own.  The goal of
+        a servo is counted from the zero of its angle."""
+        is_placed = self.prior_centre.base != "servo" and (at > 0 or not self.is_anchored)
+        return self.column == ACCEL or is_placed
 
     @property
     def _step(self) -> dict[str, float]:
@@ -202,7 +183,7 @@ class OutputError:
             return {"shortest_s": FINEST * self.substep_s}
         return {"substep_s": self.substep_s}
 
-    def suited(self, models: Sequence[Model]) -> OutputError:
+    def suited(self, models: Sequence[Model]) -> Self:
         """The problem with an integration step that these models need as well, but at least ``FINEST`` of the present
         one, and with their free states."""
         needed = math.inf
@@ -210,15 +191,14 @@ class OutputError:
             with suppress(ModelError):  # a guess that diverges is skipped
                 needed = min(needed, _coarse_substep(one, self.signals))
         step = min(self.substep_s, max(needed, FINEST * self.substep_s))
-        is_moved = are_driven(self.signals)
-        names = [name for one in models for name in free_states(one, is_moved)]
+        names = [name for one in models for name in free_states(one, self.is_driven)]
         return replace(self, substep_s=step, free=tuple(dict.fromkeys([*self.free, *names])))
 
     def resolved(self, model: Model, nuisance: FloatArray) -> OutputError:
         """The problem with the longest integration step (of repeated halvings) whose halving changes the residual of a
         free motion by less than the share ``RESOLVED``.  With the step of a search, a mass that dry friction stops had
         1.4 times the noise left, and a second mode was named."""
-        if are_driven(self.signals):
+        if self.is_driven:
             return self
         data, here = self, self.residual(model, nuisance)
         for _ in range(HALVINGS):
@@ -247,7 +227,7 @@ class OutputError:
         readings = [one.experiment.measured[one.column] for one in self.signals]
         return float(np.sqrt(np.nanmean(np.concatenate([each - np.nanmean(each) for each in readings]) ** 2)))
 
-    @property
+    @cached_property
     def counts(self) -> list[int]:
         """The number of samples of each recording that are compared."""
         return [int((~np.isnan(one.experiment.measured[one.column])).sum()) for one in self.signals]
@@ -260,7 +240,7 @@ def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
     try:
         return coarse_substep(model, [one.experiment for one in signals], STEPS)
     except ModelError:
-        if are_driven(signals):
+        if any(one.experiment.is_driven for one in signals):
             raise
     steps = []
     for one in signals:
@@ -304,7 +284,7 @@ def _thinned(experiment: Experiment, every: int) -> Experiment:
 
 def _until_rest(signals: Signals) -> Experiment:
     """A free motion until it comes to rest; an experiment with an input is unchanged."""
-    if is_driven(signals.experiment):
+    if signals.experiment.is_driven:
         return signals.experiment
     last = float(signals.time[np.flatnonzero(signals.moving)[-1]])
     return signals.experiment.between(signals.experiment.time[0], last)

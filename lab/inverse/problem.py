@@ -7,10 +7,11 @@ and in output_error.py.  Nothing is fitted here.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from lostmotion.lab.inverse.torques import acceleration, inertia_of
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["EquationError", "InverseModel", "Problem", "by_recording"]
+__all__ = ["EquationError", "InverseModel", "Problem"]
 
 MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
 """Largest number of iterations for the transmitted torque, and the relative change at which they end."""
@@ -30,66 +31,84 @@ HELD = 1e-9
 """Half range of a zero angle that is known [rad]."""
 
 
-class Problem(Protocol):
+@dataclass(frozen=True, eq=False)
+class Problem(ABC):
     """A residual of R recordings with M samples in all, and E nuisance parameters: values of single recordings that are
-    estimated beside the parameters of the model, such as initial states."""
+    estimated beside the parameters of the model, such as initial states.
+
+    is_anchored: whether the zero of the first recording is that of the model; prior_centre: the model near which a
+    prior keeps parameters that are not identified, None for no prior.
+    """
+
+    signals: tuple[Signals, ...]
+    is_anchored: bool = field(default=True, kw_only=True)
+    prior_centre: Model | None = field(default=None, kw_only=True)
 
     @property
-    def signals(self) -> tuple[Signals, ...]:
-        """The recordings."""
+    @abstractmethod
+    def column(self) -> str:
+        """The quantity that is compared, as a column of a recording."""
 
     @property
+    @abstractmethod
     def nuisance(self) -> FloatArray:
         """Initial values of the nuisance parameters (E,), recording by recording."""
 
     @property
-    def nuisance_count(self) -> int:
-        """The number of nuisance parameters of one recording, E / R."""
-
-    @property
     def nuisance_range(self) -> FloatArray:
         """The largest distances of the nuisance parameters from their initial values (E,)."""
+        return np.full(self.nuisance.size, np.inf)
 
     @property
+    @abstractmethod
     def counts(self) -> list[int]:
         """The number of samples of each recording; their sum is M."""
 
-    @property
-    def prior_centre(self) -> Model | None:
-        """The model near which a prior keeps parameters that are not identified; None for no prior."""
-
+    @abstractmethod
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled signal, all recordings one after the other (M,)."""
 
-    def whitened(self, misfit: FloatArray) -> FloatArray:
-        """A misfit (M,) without the correlation of neighbouring samples, where the problem has a noise model."""
-
-    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """The whitened misfit (M,), the sum of whose squares is minimised."""
-
+    @abstractmethod
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the signal that is compared, in the unit of the residual."""
 
-    def suited(self, models: Sequence[Model]) -> Problem:
+    @property
+    def is_driven(self) -> bool:
+        """Whether an input drives one of the motions."""
+        return any(one.experiment.is_driven for one in self.signals)
+
+    def whitened(self, misfit: FloatArray) -> FloatArray:
+        """A misfit (M,) without the correlation of neighbouring samples, where the problem has a noise model."""
+        return misfit
+
+    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
+        """The whitened misfit (M,), the sum of whose squares is minimised."""
+        return self.whitened(self.misfit(model, nuisance))
+
+    def suited(self, models: Sequence[Model]) -> Self:
         """The same problem with an integration step that these models need, where motions are simulated."""
+        return self
+
+    def by_recording(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """Splits values of all samples (M, …) by recording."""
+        return np.split(values, np.cumsum(self.counts)[:-1])
 
 
 @dataclass(frozen=True, eq=False)
-class InverseModel:
+class InverseModel(Problem):
     """The error of the torque, with the motion given: tau - (J theta_2'' - torques of bias and effects) [N m].
 
     transmitted: for each recording the transmitted torque (N,) [N m], on which load-dependent friction depends.
 
     An incremental encoder that is zero at the start of a recording does not measure the absolute angle.  The angle of
-    its zero is a nuisance parameter of each recording but the first, or of all of them where ``is_anchored`` is false.
+    its zero is the nuisance parameter of each recording, but of the first only where that is not anchored.
 
     colour: correlation of the misfit of neighbouring samples.  This autoregression of order one is removed before
     squares are taken (generalised least squares: Aitken 1935, Cochrane and Orcutt 1949).
     """
 
-    signals: tuple[Signals, ...]
+    column = "torque"
     transmitted: tuple[FloatArray, ...]
-    is_anchored: bool = True
     colour: float = 0.0
 
     @classmethod
@@ -136,28 +155,14 @@ class InverseModel:
             free[:1] = HELD
         return free
 
-    @property
-    def nuisance_count(self) -> int:
-        """One where zero angles are estimated, else zero."""
-        return int(self.nuisance.size > 0)
-
-    @property
-    def prior_centre(self) -> None:
-        """None, as the torque identifies all parameters of a joint."""
-        return None
-
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
         pairs = zip(self.signals, self.needed(model, nuisance), strict=True)
         return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
 
-    def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """The whitened misfit (M,) [N m]."""
-        return self.whitened(self.misfit(model, nuisance))
-
     def coloured(self, misfit: FloatArray) -> Self:
         """The problem with the colour of this misfit (M,): the correlation of its neighbouring samples."""
-        parts = zip(by_recording(misfit, self), self.signals, strict=True)
+        parts = zip(self.by_recording(misfit), self.signals, strict=True)
         before, after = np.concatenate([np.stack([part[:-1], part[1:]])[:, one.is_next] for part, one in parts], axis=1)
         power = float(before @ before)
         colour = float(before @ after) / power if power else 0.0
@@ -169,13 +174,9 @@ class InverseModel:
         if not self.colour:
             return misfit
         scale, found = math.sqrt(1 - self.colour**2), misfit.copy()
-        for new, old, one in zip(by_recording(found, self), by_recording(misfit, self), self.signals, strict=True):
+        for new, old, one in zip(self.by_recording(found), self.by_recording(misfit), self.signals, strict=True):
             new[1:] = np.where(one.is_next, (old[1:] - self.colour * old[:-1]) / scale, old[1:])
         return found
-
-    def suited(self, models: Sequence[Model]) -> InverseModel:
-        """The problem itself, as nothing is integrated."""
-        return self
 
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the measured torque [N m]."""
@@ -195,6 +196,8 @@ class EquationError(InverseModel):
     transmitted: the input of each recording (N,), a command or a force.  Noise of the position biases the estimates,
     but the error has no local minima.  Its minimum is the start of a fit to the simulated motion.
     """
+
+    column = "acceleration"
 
     @classmethod
     def driven(cls, signals: Sequence[Signals]) -> EquationError:
@@ -217,8 +220,3 @@ class EquationError(InverseModel):
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the acceleration [rad/s² or m/s²]."""
         return float(np.sqrt(np.mean(np.concatenate([one.acceleration for one in self.signals]) ** 2)))
-
-
-def by_recording(values: NDArray[Any], data: Problem) -> list[NDArray[Any]]:
-    """Splits values of all samples (M, …) by recording."""
-    return np.split(values, np.cumsum(data.counts)[:-1])

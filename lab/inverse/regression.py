@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.inverse.free_parameters import FitEndsError, Objective, prior_of, scaled
-from lostmotion.lab.inverse.problem import InverseModel, Problem, by_recording
+from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import coarse_substep
@@ -78,7 +78,7 @@ class Regression:
         """The cross-validated misfit (M,): that of each sample after a fit to the samples of the other folds."""
         counts = self.data.counts
         length = sum(counts) / policy.LEAST_BLOCKS
-        if self._refits_nuisance:  # all folds have samples that identify it
+        if isinstance(self.data, InverseModel) and self.nuisance.size:  # all folds have samples that identify it
             length = min(length, min(counts) / policy.FOLDS)
         fold = numbered(counts, length) % policy.FOLDS
         found = np.empty_like(self.residual)
@@ -93,44 +93,27 @@ class Regression:
         parameter, keeps parameters unchanged that these samples do not identify.  Initial states are not fitted again,
         as the samples that identify them may all be outside.
         """
-        here, weight = self._here, self.rms
-        slopes = np.concatenate([self.jacobian[inside, : here.size], weight * np.eye(here.size)])
+        every = np.concatenate([self.z, self.nuisance])
+        many = every.size if isinstance(self.data, InverseModel) else self.count
+        here, weight = every[:many], max(self.rms, 1e-300)
+        slopes = np.concatenate([self.jacobian[inside, :many], weight * np.eye(many)])
 
-        def errors(values: FloatArray) -> FloatArray:
-            return np.concatenate([self.data.residual(*self._values(values))[inside], weight * (values - here)])
+        def values(there: FloatArray) -> tuple[Model, FloatArray]:
+            z, nuisance = np.split(np.concatenate([there, every[many:]]), [self.count])
+            return self.unknowns.put(self.model, z), nuisance
+
+        def errors(there: FloatArray) -> FloatArray:
+            return np.concatenate([self.data.residual(*values(there))[inside], weight * (there - here)])
 
         def jacobian(_: FloatArray) -> FloatArray:
             return slopes
 
-        if here.size and weight:
-            with np.errstate(over="ignore"):  # a trial step may be far off
-                here = least_squares(
-                    errors, here, jacobian, self._bounds, x_scale="jac", max_nfev=REFITS, ftol=CONVERGED
-                ).x
-        return self.data.misfit(*self._values(here))
-
-    @property
-    def _refits_nuisance(self) -> bool:
-        return isinstance(self.data, InverseModel) and self.nuisance.size > 0
-
-    @cached_property
-    def _here(self) -> FloatArray:
-        """The values that a refit changes: z (P,), and the nuisance parameters of a torque (P + E,)."""
-        return np.concatenate([self.z, self.nuisance]) if self._refits_nuisance else self.z
-
-    @cached_property
-    def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The bounds of the values that a refit changes."""
-        low, high = self.unknowns.bounds
-        if not self._refits_nuisance:
-            return low, high
-        least, most = _nuisance_bounds(self.data)
-        return np.concatenate([low, least]), np.concatenate([high, most])
-
-    def _values(self, values: FloatArray) -> tuple[Model, FloatArray]:
-        """The model and the nuisance parameters (E,) at these values of what a refit changes."""
-        nuisance = values[self.count :] if self._refits_nuisance else self.nuisance
-        return self.unknowns.put(self.model, values[: self.count]), nuisance
+        if not many:
+            return self.misfit
+        low, high = (bound[:many] for bound in _bounds(self.unknowns, self.data))
+        with np.errstate(over="ignore"):  # a trial step may be far off
+            there = least_squares(errors, here, jacobian, (low, high), x_scale="jac", max_nfev=REFITS, ftol=CONVERGED).x
+        return self.data.misfit(*values(there))
 
     def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
         """Covariance of z (P, P), robust to correlation of the residual within blocks of samples (cluster-robust: Liang
@@ -169,9 +152,9 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     where the model cannot be run with its initial values.
     """
     unknowns = scaled(Unknowns.of(model), model, data)
-    count, first = len(unknowns.items), np.clip(unknowns.z(model), *unknowns.bounds)
-    beside = np.clip(data.nuisance if nuisance is None else nuisance, *_nuisance_bounds(data))
-    z = np.concatenate([first, beside])
+    count, beside = len(unknowns.items), data.nuisance if nuisance is None else nuisance
+    z = np.clip(np.concatenate([unknowns.z(model), beside]), *_bounds(unknowns, data))
+    first = z[:count]
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
     most, near = prior_of(unknowns, data.prior_centre)
@@ -213,14 +196,12 @@ def _minimised(
     """The least-squares fit from z (P + E,), the parameters and the nuisance parameters; weight, near: (P,), weights
     and centres of the prior."""
     count, size, usual = len(unknowns.items), sum(data.counts), _signal_rms(data, model)
-    low, high = (np.concatenate(pair) for pair in zip(unknowns.bounds, _nuisance_bounds(data), strict=True))
-    objective = Objective(model, data, unknowns, usual, weight, near, high)
+    bounds = _bounds(unknowns, data)
+    objective = Objective(model, data, unknowns, usual, weight, near, bounds[1])
     if not np.isfinite(objective.residual(z)).all():
         raise ModelError("the motion cannot be simulated with the first values of the parameters")
     with np.errstate(over="ignore"), suppress(FitEndsError):  # a trial step may be far off: its error is compared
-        least_squares(
-            objective.residual, z, objective.jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=CONVERGED
-        )
+        least_squares(objective.residual, z, objective.jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
     assert objective.known  # at the last step that was taken
     x, error, slopes = objective.known
     values = unknowns.put(model, x[:count])
@@ -232,9 +213,10 @@ def _signal_rms(data: Problem, model: Model) -> float:
     return max(data.signal_rms(model), 1e-300)
 
 
-def _nuisance_bounds(data: Problem) -> tuple[FloatArray, FloatArray]:
-    """The bounds of the nuisance parameters, (E,) each."""
-    return data.nuisance - data.nuisance_range, data.nuisance + data.nuisance_range
+def _bounds(unknowns: Unknowns, data: Problem) -> tuple[FloatArray, FloatArray]:
+    """The lowest and highest parameters and nuisance parameters, (P + E,) each."""
+    (low, high), near, off = unknowns.bounds, data.nuisance, data.nuisance_range
+    return np.concatenate([low, near - off]), np.concatenate([high, near + off])
 
 
 def can_run(model: Model, signals: Sequence[Signals]) -> bool:
@@ -278,6 +260,6 @@ def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) 
 def blocks_of(regression: Regression) -> NDArray[np.intp]:
     """The number of the block of each sample (M,).  Blocks are about four correlation times of the residual long, and
     there are at least ``policy.LEAST_BLOCKS``."""
-    counts, parts = regression.data.counts, by_recording(regression.residual, regression.data)
+    counts, parts = regression.data.counts, regression.data.by_recording(regression.residual)
     length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in parts)
     return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))

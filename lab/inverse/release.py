@@ -28,7 +28,7 @@ from lostmotion.lab.data.clipping import clipping_level
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import coasts, is_driven, is_onward
+from lostmotion.lab.fitting.identifiability import coasts, is_onward
 from lostmotion.lab.inverse.signals import (
     EDGE,
     FASTEST,
@@ -68,7 +68,7 @@ log = logging.getLogger(__name__)
 def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """The experiments, those without an input reduced to their free part; a warning reports what is left out.  Raises
     ExperimentError for a shaft that gains speed without an input."""
-    return tuple(one if is_driven(one) else _released(one) for one in experiments)
+    return tuple(one if one.is_driven else _released(one) for one in experiments)
 
 
 def _released(experiment: Experiment) -> Experiment:
@@ -243,7 +243,7 @@ def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Exper
 
 def _limited(experiment: Experiment) -> Experiment:
     rate, values = experiment.rate_hz, experiment.measured.get(ACCEL)
-    if values is None or len(experiment.measured) > 1 or is_driven(experiment) or clipping_level([experiment]):
+    if values is None or len(experiment.measured) > 1 or experiment.is_driven or clipping_level([experiment]):
         return experiment
     lines = spectral_lines(values, rate)
     cutoff = WHOLE * lines[0] if lines else np.inf

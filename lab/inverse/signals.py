@@ -8,7 +8,6 @@ likelihood of predictable motions gets its recordings.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,11 +18,10 @@ from scipy.interpolate import make_interp_spline
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
-from lostmotion.lab.fitting.identifiability import is_driven
 from lostmotion.lab.inverse.zero_phase import lowpass
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "are_driven", "is_moving"]
+__all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving"]
 
 FASTEST = 0.2
 """Highest end of a band, as a share of the sampling rate: the second derivative of the spline is accurate to 1 %
@@ -241,11 +239,6 @@ class Signals:
         of (2 pi f)^(2 order) S, S being the power density of the noise."""
         power = 2 * order + 1
         return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
-
-
-def are_driven(signals: Sequence[Signals]) -> bool:
-    """Whether an input drives one of the motions."""
-    return any(is_driven(one.experiment) for one in signals)
 
 
 def is_moving(velocity: FloatArray) -> NDArray[np.bool_]:

@@ -49,7 +49,7 @@ def test_a_fit_ends_with_what_it_knows_when_the_time_is_up(monkeypatch: pytest.M
     model = build_model("servo", ["viscous_friction", "coulomb_friction"])
     signals = [Signals.of(one, is_force=False) for one in experiments(model, [servo(1), servo(2)])]
     data, asked = OutputError.of(signals, model), []
-    count = len(Unknowns.of(model).items) + data.nuisance_count
+    count = len(Unknowns.of(model).items) + data.nuisance.size // 2
 
     def counted(self: OutputError, *given: object) -> object:
         asked.append(1)
