@@ -9,8 +9,9 @@ from lostmotion.lab.data.experiment import Experiment, with_one_column
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.fit import fit_segments
-from lostmotion.lab.inverse.explain import fitted, method_of
-from lostmotion.lab.inverse.release import released
+from lostmotion.lab.inverse.explain import fitted
+from lostmotion.lab.inverse.likelihood import Method
+from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.results import Fit
 from lostmotion.model import Model
 
@@ -26,11 +27,11 @@ def fit(
     the refinement of gears the best fit so far is returned, with ``complete`` False.  Raises ModelError where the model
     cannot be simulated, and ExperimentError where the recordings do not go together.
     """
-    method = method_of(model, experiments)
-    if method is None:
+    method = Method.of(model, experiments)
+    if method is Method.SEGMENTS:
         return fit_segments(model, experiments, pool, progress)
     progress("fitting", 0.0)
-    experiments = released(with_one_column(experiments))
+    experiments = released(band_limited(model, with_one_column(experiments)))
     found = fitted(model, experiments, method, noise_of(experiments))
     progress("done", 1.0)
     return found

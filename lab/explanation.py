@@ -31,7 +31,8 @@ from lostmotion.lab.data.experiment import Experiment, with_one_column
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
-from lostmotion.lab.inverse.explain import explained, method_of
+from lostmotion.lab.inverse.explain import explained
+from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.models.compile import compile_kernels
@@ -54,13 +55,14 @@ def explain(
     budget_s: about how long it may take [s]; what a first search on a machine compiles does not count.  Raises
     ModelError where the model cannot be run on the experiments at all.
     """
-    method = method_of(model, experiments)
+    method = Method.of(model, experiments)
+    in_segments = method is Method.SEGMENTS
     progress("compiling the model, once on a machine", 0.0)
-    compile_kernels(model, others(model), experiments[0], in_segments=method is None)
-    experiments = released(band_limited(model, with_one_column(experiments))) if method else experiments
+    compile_kernels(model, others(model), experiments[0], in_segments)
+    experiments = experiments if in_segments else released(band_limited(model, with_one_column(experiments)))
     noise = noise_of(experiments)
-    train, last = _split(experiments, method is not None)
-    if method is None:
+    train, last = _split(experiments, is_smooth=not in_segments)
+    if in_segments:
         return explained_gears(model, train, last, noise, pool, progress, budget_s)
     return explained(model, train, last, method, noise, pool, progress, budget_s)
 

@@ -36,11 +36,10 @@ from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.fitting.strategy import unfitted
 from lostmotion.lab.inverse.channel import Channel
-from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.likelihood import Method, is_noise
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
-from lostmotion.lab.inverse.release import released
+from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, segment_of
@@ -199,8 +198,9 @@ def compare(
     place of what is not commanded; recordings: those of the experiments, for their temperature; is_described: whether
     to search for the equation in which the residual arises.  Raises ModelError where the model cannot be simulated.
     """
-    method = method_of(model, experiments) if starts is None else None
-    experiments = released(experiments) if method else experiments
+    method = Method.of(model, experiments) if starts is None else Method.SEGMENTS
+    if method is not Method.SEGMENTS:
+        experiments = released(band_limited(model, experiments))
     if method is Method.TORQUE:
         channel = Channel.of(experiments)
         channel.warn(experiments[0].name)
@@ -208,7 +208,7 @@ def compare(
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
         return replace(found, delay_s=channel.delay_s, localisation=None if found.is_noise else left)
-    if starts is None and method is Method.MOTION and model.base != "servo":
+    if method is Method.MOTION and model.base != "servo":
         experiments = [_with_zero(model, one) for one in experiments]
     floor = noise_models(experiments)
     if starts is None:

@@ -59,7 +59,6 @@ class Channel:
         such a vibration has a fixed frequency: with a share of each own band 7 of 94 samples were left of a slow
         pendulum beside a vibrating one.
         """
-        _check_torque(experiments)
         whole = [Signals.of(one) for one in experiments]
         _check_sizes(whole)
         _check_sign(whole)
@@ -104,20 +103,28 @@ class Channel:
         return Signals.of(experiment.delayed(self.delay_s), is_force, self.band_hz, is_disturbed)
 
 
-def _check_torque(experiments: Sequence[Experiment]) -> None:
-    """Raises ExperimentError for a torque that never changes, as an unknown constant explains it without an inertia."""
-    values = _torques(experiments)
-    if np.ptp(values) <= FLAT_SHARE * np.abs(values).max():
+def _check_sizes(signals: Sequence[Signals]) -> None:
+    """Raises ExperimentError for a torque of one size that is constant, or acts along the motion, in all samples that
+    are compared: an unknown constant, or dry friction of this size, explains it exactly, without an inertia."""
+    torque, velocity = (
+        np.concatenate([values[one.kept] for one, values in zip(signals, parts, strict=True)])
+        for parts in ([one.driving for one in signals], [one.velocity for one in signals])
+    )
+    size = np.abs(torque)
+    is_constant, is_along = np.ptp(torque) <= FLAT_SHARE * size.max(), (torque * velocity > 0).all()
+    if np.ptp(size) <= FLAT_SHARE * size.max() and (is_constant or is_along):
         raise ExperimentError(
-            f"{experiments[0].name}: found a torque of {values[0]:g} at all times, expected one that changes: record "
-            "steps of several sizes, or both directions"
+            f"{signals[0].experiment.name}: found a torque of {torque[0] if is_constant else size[0]:g} "
+            f"{'' if is_constant else 'along the motion '}at all times, expected one that changes: record steps of "
+            "several sizes, or reversals in motion"
         )
 
 
 def _check_sign(signals: Sequence[Signals]) -> None:
     """Warns of a torque that is a magnitude: it is never on the other side of zero, where many of its readings are.  A
     motion in one direction may have such a torque."""
-    values = _torques([one.experiment for one in signals])
+    drives = [one.experiment.drive for one in signals]
+    values = np.concatenate([np.empty(0), *(drive.values for drive in drives if isinstance(drive, Sampled))])
     are_onward = all(is_onward(one.experiment.measured[one.column]) for one in signals)
     at_zero = int((values == 0).sum())
     if at_zero >= policy.RAILED and (values.min() == 0 or values.max() == 0) and not are_onward:
@@ -126,26 +133,6 @@ def _check_sign(signals: Sequence[Signals]) -> None:
             "to be explained, it needs the sign of its direction",
             signals[0].experiment.name, at_zero,
         )  # fmt: skip
-
-
-def _torques(experiments: Sequence[Experiment]) -> FloatArray:
-    """All readings of the torque; two that differ where there is none."""
-    found = [one.drive.values for one in experiments if isinstance(one.drive, Sampled)]
-    return np.concatenate(found) if found else np.arange(2.0)
-
-
-def _check_sizes(signals: Sequence[Signals]) -> None:
-    """Raises ExperimentError for a torque of one magnitude that acts along the motion in all samples that are compared,
-    as dry friction of this magnitude explains it exactly, without an inertia."""
-    torque = np.concatenate([np.asarray(one.experiment.drive.position(one.time[one.kept])) for one in signals
-                             if isinstance(one.experiment.drive, Sampled)] or [np.arange(2.0)])  # fmt: skip
-    velocity = np.concatenate([one.velocity[one.kept] for one in signals])
-    sizes = np.abs(torque)
-    if velocity.size == torque.size and np.ptp(sizes) <= FLAT_SHARE * sizes.max() and (torque * velocity > 0).all():
-        raise ExperimentError(
-            f"{signals[0].experiment.name}: found a torque of {sizes[0]:g} along the motion at all times, expected one "
-            "that changes: record steps of several sizes, or reversals in motion"
-        )
 
 
 @dataclass(frozen=True, eq=False)

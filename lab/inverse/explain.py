@@ -25,7 +25,6 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
-from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import coasts, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import axis_of, described
@@ -52,12 +51,8 @@ from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["explained", "fitted", "method_of"]
+__all__ = ["explained", "fitted"]
 
-SIMULATED = ("servo", "oscillator")
-"""Bases with an input that does not react to disturbances."""
-PIECE_S, PIECES = 1.0, 16
-"""Length [s] and largest number of the segments on which the motion is simulated after a fit to the torque."""
 TRAILS = 2.0
 """Ratio of the fitted kt to that of the model file from which on a warning reports it: data sheets are not that wrong,
 and a delay of 60 ms made 4.9 N m/A of a motor that has 1.2."""
@@ -66,23 +61,6 @@ SHARPER = 20.0
 speed: 2 mrad/s are 1e-5 of the speed of a bare motor, and simulating 0.8 s in steps of a microsecond took over a
 minute."""
 log = logging.getLogger(__name__)
-
-
-def method_of(model: Model, experiments: Sequence[Experiment]) -> Method | None:
-    """The error that is minimised: of the torque where that of a joint was measured, else of the simulated motion; None
-    for gears with play, as impacts make the whole motion unpredictable.  Raises ExperimentError for a joint that is
-    driven in some of the recordings only."""
-    if model.base == "play":
-        return None
-    if model.base in SIMULATED or not can_invert(model):
-        return Method.MOTION
-    driven = {one.is_driven: one.name for one in experiments}
-    if len(driven) > 1:
-        raise ExperimentError(
-            f"found a torque in {driven[True]} and none in {driven[False]}, expected one in all recordings or in none: "
-            "ask what moves freely apart from what is driven"
-        )
-    return Method.TORQUE if True in driven else Method.MOTION
 
 
 def explained(
@@ -103,7 +81,7 @@ def explained(
         progress("judging", 0.9)
         channel.warn(train[0].name)
         _warn_of_motor_constant(model, selection.fits[-1].model, train[0].name)
-        told = _explanation(selection, model, train, unseen, method, noise, pool)
+        told = _explanation(selection, model, train, unseen, noise, pool)
     fit_on.cache_clear()
     progress("done", 1.0)
     base, best = (channel.annotated(fit) for fit in (told.base, told.best))
@@ -128,16 +106,15 @@ def _warn_of_motor_constant(rough: Model, fitted: Model, name: str) -> None:
 
 
 def _explanation(
-    selection: Selection[Fitted], model: Model, train: Sequence[Experiment], unseen: Signals, method: Method,
-    noise: dict[str, float], pool: Executor,
+    selection: Selection[Fitted], model: Model, train: Sequence[Experiment], unseen: Signals, noise: dict[str, float],
+    pool: Executor,
 ) -> Explanation:  # fmt: skip
     """The result of a search, with errors on the unseen recording."""
     fits = [one.surest for one in selection.fits]
-    base, best = fits[0], fits[-1]
-    power = shares(best.model, selection.added, best.data.signals) if _has_powers(best, method) else None
+    base, best, column = fits[0], fits[-1], fits[-1].data.column
+    power = shares(best.model, selection.added, best.data.signals) if _has_powers(best) else None
     missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
-    column = "torque" if method is Method.TORQUE else unseen.column
-    floors = _floors(noise, column, best, unseen)
+    floors = _floors(noise, best, unseen)
     left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
     errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, *axis_of(best))[1])
@@ -155,8 +132,8 @@ def _explanation(
         residual=None if complete else described(selection.fits[-1].inverse),
         advice=advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if complete and not missing else {},
-        base=_fit(base, model, floors, column, unseen),
-        best=_fit(best, model, floors, column, unseen),
+        base=_fit(base, model, floors, unseen),
+        best=_fit(best, model, floors, unseen),
         descent=descent,
         complete=complete,
         columns={column: errors},
@@ -164,17 +141,17 @@ def _explanation(
     )
 
 
-def _has_powers(fit: Regression, method: Method) -> bool:
+def _has_powers(fit: Regression) -> bool:
     """Whether the torques of the effects divide the squared error: not on a shaft that coasts, whose dry friction is
     the constant that they leave out."""
     shafts = (coasts(one.experiment.measured[one.column], one.experiment.is_linear) for one in fit.data.signals)
-    return can_invert(fit.model) and not (method is Method.MOTION and all(shafts))
+    return can_invert(fit.model) and not (isinstance(fit.data, OutputError) and all(shafts))
 
 
-def _floors(noise: dict[str, float], column: str, fit: Regression, *unseen: Signals) -> dict[str, float]:
+def _floors(noise: dict[str, float], fit: Regression, *unseen: Signals) -> dict[str, float]:
     """The noise of each column; for the torque the largest of all recordings within the band, for a simulated motion at
     least its error of integration."""
-    every = (*unseen, *fit.data.signals)
+    every, column = (*unseen, *fit.data.signals), fit.data.column
     least = fit.data.accuracy if isinstance(fit.data, OutputError) else 0.0
     noise = {**noise, column: max(noise.get(column, 0.0), least)}
     if column == "torque":
@@ -192,8 +169,7 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     channel.warn(experiments[0].name)
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
     fit = WholeMotion(method, from_spectra(model, experiments), signals).first().judged
-    column = "torque" if method is Method.TORQUE else signals[0].column
-    return replace(channel.annotated(_fit(fit, model, _floors(noise, column, fit), column)), held=held)
+    return replace(channel.annotated(_fit(fit, model, _floors(noise, fit))), held=held)
 
 
 def _error(one: Candidate[Fitted], unseen: Signals, before: float) -> float:
@@ -230,7 +206,7 @@ def _estimates(fit: Regression) -> tuple[Estimate, ...]:
     return tuple(replace(one, unit=words.of_axis(one.unit, *axis_of(fit))) for one in found)
 
 
-def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *unseen: Signals) -> Fit:
+def _fit(fit: Regression, rough: Model, noise: dict[str, float], *unseen: Signals) -> Fit:
     """A regression as a result, with unseen recordings in front of those of the fit."""
     block = blocks_of(fit)
     covariance = fit.covariance(block)
@@ -247,7 +223,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], column: str, *u
         estimates=_estimates(fit),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
-        rms={column: fit.error, **_motion_rms(fit, model, substep)},
+        rms={fit.data.column: fit.error},
         substep_s=substep,
         limit=policy.STRUCTURED,
     )
@@ -296,29 +272,3 @@ def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArr
 
 def _renamed(signals: Signals, remark: str) -> Experiment:
     return replace(signals.experiment, name=f"{signals.experiment.name}{remark}")
-
-
-def _pieces(signals: Signals) -> list[tuple[Experiment, FloatArray]]:
-    """The segments of a second of a recording, each with the filtered position and speed at its first sample."""
-    whole, found = signals.experiment, []
-    for start in np.arange(whole.time[0], max(whole.time[-1] - PIECE_S / 2, whole.time[1]), PIECE_S):
-        piece = whole.between(float(start), float(start) + PIECE_S)
-        at = piece.time[0]
-        state = [np.interp(at, signals.time, values) for values in (signals.position, signals.velocity)]
-        found.append((piece, np.array(state)))
-    return found
-
-
-def _motion_rms(fit: Regression, model: Model, substep: float) -> dict[str, float]:
-    """After a fit to the torque, the root mean square error of the motion simulated over segments of a second from the
-    filtered states [rad or m], by column; {} after other fits."""
-    if not isinstance(fit.data, InverseModel):
-        return {}
-    column, parts = fit.data.signals[0].column, []
-    pieces = [piece for one in fit.data.shifted(fit.nuisance) for piece in _pieces(one)]
-    for at in np.unique(np.linspace(0, len(pieces) - 1, min(PIECES, len(pieces))).astype(int)):
-        piece, start = pieces[at]
-        own = piece.model(model)
-        motion = own.simulate(piece.drive, piece.time, initial_state(own, piece, start), substep_s=substep)
-        parts.append((piece.measured[column] - motion[column]) ** 2)
-    return {column: float(np.sqrt(np.nanmean(np.concatenate(parts))))}

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over, remaining_s, within
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import held, with_free_states
 from lostmotion.lab.inverse.candidates import (
     SHORT,
@@ -37,7 +39,7 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import softened
+from lostmotion.lab.inverse.torques import can_invert, softened
 from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
@@ -51,10 +53,28 @@ __all__ = ["Fitted", "Method", "WholeMotion", "error_on", "fit_on", "is_disturbe
 
 class Method(Enum):
     """The error that is minimised.  TORQUE: of the measured torque of a joint.  MOTION: of the simulated motion, of a
-    servo, an oscillator, or a joint that swings freely."""
+    servo, an oscillator, or a joint that swings freely.  SEGMENTS: of short segments of the motion of gears with play,
+    as impacts make the whole motion unpredictable."""
 
     TORQUE = "torque"
     MOTION = "motion"
+    SEGMENTS = "segments"
+
+    @classmethod
+    def of(cls, model: Model, experiments: Sequence[Experiment]) -> Method:
+        """The method for a model and experiments.  Raises ExperimentError for a joint that is driven in some of the
+        recordings only."""
+        if model.base == "play":
+            return cls.SEGMENTS
+        if not can_invert(model):
+            return cls.MOTION
+        driven = {one.is_driven: one.name for one in experiments}
+        if len(driven) > 1:
+            raise ExperimentError(
+                f"found a torque in {driven[True]} and none in {driven[False]}, expected one in all recordings or in "
+                "none: ask what moves freely apart from what is driven"
+            )
+        return cls.TORQUE if True in driven else cls.MOTION
 
 
 @dataclass(frozen=True, eq=False)

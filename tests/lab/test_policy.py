@@ -41,7 +41,7 @@ NUMERICS = {
     "gears/unseen.py": (2, "length of segments, steps of a fit"),
     "inverse/candidates.py": (4, "first values and steps of a fit"),
     "inverse/first_values.py": (3, "grids of first values, rounding"),
-    "inverse/explain.py": (4, "what is drawn, and which motor is told"),
+    "inverse/explain.py": (2, "what is drawn, and which motor is told"),
     "inverse/output_error.py": (7, "length, rate and integration step of what is simulated"),
     "inverse/problem.py": (4, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
     "inverse/free_parameters.py": (4, "a finite difference, scales, a weak prior, a bound"),

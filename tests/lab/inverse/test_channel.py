@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -168,3 +169,6 @@ def test_a_torque_of_one_size_along_the_motion_is_refused(reverses: bool) -> Non
         return
     with pytest.raises(ExperimentError, match="found a torque of 1 along the motion at all times"):
         Channel.of([recorded])
+    constant = replace(recorded, drive=Sampled(TIMES, np.full(TIMES.size, -2.0)))
+    with pytest.raises(ExperimentError, match="found a torque of -2 at all times"):
+        Channel.of([constant])

@@ -18,7 +18,6 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.inverse.explain import method_of
 from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import blocks_of, regressed
@@ -94,10 +93,8 @@ def named(model: Model, recordings: list[Recording]) -> tuple[str, ...]:
     """The effects that the selection adds."""
     held = experiments(model, recordings)
     model, _ = with_scale(model, held)
-    method = method_of(model, held)
-    assert method
     signals = [Signals.of(one) for one in held]
-    return selected(WholeMotion(method, model, signals), lambda what, part: None).added
+    return selected(WholeMotion(Method.of(model, held), model, signals), lambda what, part: None).added
 
 
 @pytest.mark.slow

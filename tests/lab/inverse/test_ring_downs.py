@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab import compare, fit, open_executor
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.inverse.output_error import offset_of
 from lostmotion.lab.inverse.release import band_limited, released
@@ -75,6 +76,17 @@ def test_the_other_modes_are_told(caplog: pytest.LogCaptureFixture) -> None:
         two = two + size * np.exp(-zeta * turned) * np.cos(turned)
     plain = Experiment("two.csv", None, struck.time, {"accel": two + 0.01 * np.sin(1e5 * struck.time**2)})
     assert band_limited(model, [plain]) == (plain,)
+
+
+def test_a_fit_and_a_comparison_leave_out_the_other_modes() -> None:
+    """They are of the same readings as a search: the first mode is followed to a tenth of what is felt."""
+    model, recorded = build_model("oscillator", ["quadratic_damping"]), [beam(2, 3.0)]
+    struck = experiments(model, recorded)
+    with open_executor("threads:1") as pool:
+        found = fit(model, struck, pool)
+    compared = compare(found.model, struck, is_described=False)
+    assert found.experiments[0].rate_hz == compared.experiments[0].rate_hz < struck[0].rate_hz / 4
+    assert compared.fit_percent("accel") > 90
 
 
 @pytest.mark.slow
