@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import ParamSpec, TypeVar
 
-__all__ = ["Progress", "bounded", "is_over", "remaining_s", "within"]
+__all__ = ["FitEndsError", "Progress", "bounded", "is_over", "remaining_s", "within"]
 
 Progress = Callable[[str, float], None]
 """Called with what a search begins to do, and the part that is done, 0 to 1."""
@@ -21,6 +21,10 @@ P = ParamSpec("P")
 R = TypeVar("R")
 _UNTIL: ContextVar[float] = ContextVar("until", default=math.inf)
 """The deadline, as a value of time.monotonic() [s]."""
+
+
+class FitEndsError(Exception):
+    """Ends a minimisation whose time is up, or whose derivatives cannot be computed."""
 
 
 @contextmanager

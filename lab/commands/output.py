@@ -14,6 +14,7 @@ import numpy as np
 from lostmotion.drivers.recording import replacing
 from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import Comparison
+from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.report import verdict
 from lostmotion.lab.report.views import Trace, traces_of
 from lostmotion.lab.results import Errors, Explanation, Fit, Ladder
@@ -61,9 +62,9 @@ def _in_words(found: Found) -> dict[str, Any]:
 def _errors(fit: Fit) -> dict[str, Any]:
     """The keys ``error`` (of the first column) and ``columns`` of a fit, in which the errors before and after are
     equal."""
-    linear, drive = any(one.is_linear for one in fit.experiments), next((e.drive_unit for e in fit.experiments), "")
+    axis = axis_of(fit.experiments)
     columns = {
-        name: Errors(rms, rms, fit.noise.get(name, math.nan), words.column(name, linear, drive)[1]).document()
+        name: Errors(rms, rms, fit.noise.get(name, math.nan), words.column(name, *axis)[1]).document()
         for name, rms in fit.rms.items()
     }
     return {"error": next(iter(columns.values())), "columns": columns}

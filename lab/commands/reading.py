@@ -52,8 +52,8 @@ def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
 def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experiment, ...], list[Recording]]]:
     """Yields the model, the experiments prepared for it, and the recordings as they are.  Raises ExperimentError, also
     for a ModelError within the block, where model and recordings cannot be used together."""
-    from lostmotion.lab.data.doubtful_units import warn_of_units
     from lostmotion.lab.data.experiment import experiments
+    from lostmotion.lab.data.readings import warn_of_units
     from lostmotion.lab.errors import ExperimentError
     from lostmotion.lab.models import modelfile
     from lostmotion.model import ModelError

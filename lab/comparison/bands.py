@@ -11,7 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import chdtri
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.autoregression import NoiseModel, runs
+from lostmotion.lab.data.autoregression import NoiseModel
+from lostmotion.lab.data.series import runs
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Band", "Spectra", "spectra"]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from lostmotion.lab.data.series import rms
 from lostmotion.model import Trajectory
 from lostmotion.model.motion import FloatArray
 
@@ -34,10 +35,10 @@ def phases(base: str, trajectory: Trajectory) -> Mapping[str, Mask]:
     time = trajectory.time
     if base == "oscillator":
         q = np.abs(trajectory["displacement"])
-        large = q > LARGE * np.sqrt(np.mean(q**2))
+        large = q > LARGE * rms(q)
         return {"at large deflection": large, "at small deflection": ~large}
     speed = np.abs(trajectory["velocity"])
-    rest = speed < REST * np.sqrt(np.mean(speed**2))
+    rest = speed < REST * rms(speed)
     if base == "play":
         force = np.abs(trajectory["force"])
         touching = force > CLOSED * force.max()

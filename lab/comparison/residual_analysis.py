@@ -18,12 +18,13 @@ from lostmotion.lab.comparison.bands import Spectra, spectra
 from lostmotion.lab.comparison.phases import phases
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment, own_rows
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.data.whiteness import Correlation, autocorrelation, cross_correlation
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap, residual_maps
 from lostmotion.model import Model, Trajectory
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Block", "ColumnResidual", "PhaseError", "Prediction", "predict", "root_mean_square"]
+__all__ = ["Block", "ColumnResidual", "PhaseError", "Prediction", "predict"]
 
 BLOCKS = 20
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
@@ -145,7 +146,7 @@ class ColumnResidual:
             for start, stop in itertools.pairwise(edges):
                 inside = residual[(time >= start) & (time <= stop)]
                 if np.any(np.isfinite(inside)):
-                    found.append(Block(prediction.experiment.name, float(start), float(stop), root_mean_square(inside)))
+                    found.append(Block(prediction.experiment.name, float(start), float(stop), rms(inside)))
         return tuple(found)
 
     @cached_property
@@ -181,10 +182,5 @@ def _variables(prediction: Prediction, temperature: FloatArray | None) -> dict[s
 def _phase(name: str, squares: FloatArray, all_of_it: FloatArray) -> PhaseError:
     """The error of a phase from its squared residuals, and those of all phases."""
     share = float(squares.sum() / max(all_of_it.sum(), 1e-300))
-    rms = float(np.sqrt(squares.mean())) if squares.size else 0.0
-    return PhaseError(name, rms, squares.size / all_of_it.size, share)
-
-
-def root_mean_square(values: FloatArray) -> float:
-    """Root mean square of the values (N,) that are not NaN."""
-    return float(np.sqrt(np.nanmean(values**2)))
+    error = float(np.sqrt(squares.mean())) if squares.size else 0.0
+    return PhaseError(name, error, squares.size / all_of_it.size, share)

@@ -13,9 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from lostmotion.lab.data.series import rms, runs
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["NoiseModel", "fit_autoregression", "runs"]
+__all__ = ["NoiseModel", "fit_autoregression"]
 
 GRID = 1 << 14
 """Number of frequencies at which a spectrum is evaluated."""
@@ -114,13 +115,6 @@ class NoiseModel:
         return found
 
 
-def runs(x: FloatArray) -> list[slice]:
-    """The segments of x (N,) without NaN."""
-    finite = np.concatenate(([False], np.isfinite(x), [False]))
-    edges = np.flatnonzero(finite[1:] != finite[:-1])
-    return [slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def fit_autoregression(series: Sequence[FloatArray], most: int = 8) -> NoiseModel:
     """Fits one autoregression to several series (N_i,), with NaN as gaps.
 
@@ -171,7 +165,7 @@ def _solved(gram: FloatArray, order: int) -> tuple[FloatArray, float]:
 def _scale(errors: FloatArray) -> float:
     """The root mean square of errors (N,), those beyond ``EDGE`` robust standard deviations being clipped."""
     usual = MAD * float(np.median(np.abs(errors)))
-    return float(np.sqrt(np.mean(np.minimum(errors**2, (EDGE * usual) ** 2)))) if usual else float(np.std(errors))
+    return rms(np.clip(errors, -EDGE * usual, EDGE * usual)) if usual else float(np.std(errors))
 
 
 def _stable(coefficients: FloatArray) -> FloatArray:

@@ -83,8 +83,7 @@ def floored(squares: FloatArray, usual: FloatArray, block: NDArray[np.intp]) -> 
     """The sums of squared errors (M,) in each block, none below the least share of the usual ones (M,) that counts.
 
     Errors below the least share that counts for the whole are equal in a block, too: a model that is accurate to a
-    fifth elsewhere is not accurate to a thousandth there.  Two constants, Coulomb friction and bias, fit a motor at
-    constant voltage and speed exactly, and blocks with nothing but noise, 1e-4 of the torque, outvoted all others.
+    fifth elsewhere is not accurate to a thousandth there.
     """
     floor = (policy.LEAST_GAIN * float(usual.mean()) + 1e-300) * np.bincount(block)
     return np.asarray(np.bincount(block, squares) + floor)

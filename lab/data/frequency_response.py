@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.series import rms
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -102,7 +103,7 @@ def usual_torque(model: Model, experiment: Experiment) -> float:
         v = {name: p.value for name, p in experiment.model(model).parameters.items()}
         duty = v["kp"] * v["error_gain"] * (drive - experiment.measured["position"])
         drive = v["kt"] * v["U"] / v["R"] * np.clip(duty, -v["cap"], v["cap"])
-    return float(np.sqrt(np.nanmean(drive**2)))
+    return rms(drive)
 
 
 MOST = 6

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression, runs
+from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.experiment import Experiment, own_rows
+from lostmotion.lab.data.series import runs
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["noise_models", "noise_of", "quiet_noise", "resolution"]

@@ -18,6 +18,7 @@ import numpy as np
 
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.quantity import quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
@@ -167,4 +168,4 @@ def _apart(
         differences.append(projected_off(block.B, r))
         slopes.append(projected_off(block.B, block.A))
     left = projected_off(np.concatenate(slopes), np.concatenate(differences))
-    return float(np.sqrt(np.mean(left**2)))
+    return rms(left)

@@ -20,6 +20,7 @@ from lostmotion.lab.data.autoregression import fit_autoregression
 from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.strategy import first_fit, grown
 from lostmotion.lab.results import Fit
@@ -98,14 +99,14 @@ def fit_of(level: Level, task: Task) -> Fit:
 def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, float]:
     """Root mean square of the residual of each column, in its unit; segments: each with its residual (M,) in units of
     the noise."""
-    squares: dict[str, list[FloatArray]] = {}
+    residuals: dict[str, list[FloatArray]] = {}
     for segment, r in segments:
         at = 0
         for name, values in segment.experiment.measured.items():
             count = int(np.sum(~np.isnan(values)))
-            squares.setdefault(name, []).append((r[at : at + count] * segment.noise[name]) ** 2)
+            residuals.setdefault(name, []).append(r[at : at + count] * segment.noise[name])
             at += count
-    return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items()}
+    return {name: rms(*parts) for name, parts in residuals.items()}
 
 
 def _covariance(level: Level, substep_s: float) -> FloatArray:

@@ -109,6 +109,7 @@ class ShortSegments:
         """For fits and predictions."""
         return self.unseen.pool
 
+    @property
     def first(self) -> SegmentFit:
         """The fit of the model as it is."""
         level = grown(self.short, self.task)
@@ -246,10 +247,6 @@ class ShortSegments:
         if fit.rms >= policy.FAR * now.floor:
             return policy.FAR_GAIN
         return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, 0.0)
-
-    def least_taken(self, first: SegmentFit) -> float:
-        """None, as the error of impacts at other times, of up to a hundred times the noise, is no scale."""
-        return 0.0
 
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard

@@ -13,6 +13,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import held, with_free_states
 from lostmotion.lab.inverse.first_values import evaluated, turns_of
@@ -78,16 +79,16 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
     torque = (
         data.signal_rms(model)
         if isinstance(data, InverseModel)
-        else max(inertia_of(model) * _rms(acceleration), *driving, 0.0)
+        else max(inertia_of(model) * rms(*acceleration), *driving, 0.0)
     )
     loudest = max(signals, key=lambda one: float(np.ptp(one.acceleration)))
     stiffness, damping, bias = (
         model.parameters[name].value if name in model.parameters else 0.0 for name in ("k", "b", "bias")
     )
     return MotionScales(
-        torque=torque, speed=_rms(speed), span=max(float(np.ptp(one)) for one in position),
-        bend=_rms([one - one.mean() for one in position]), swing=_rms(speed) if stiffness else 0.0,
-        reading=_rms(acceleration),
+        torque=torque, speed=rms(*speed), span=max(float(np.ptp(one)) for one in position),
+        bend=rms(*(one - one.mean() for one in position)), swing=rms(*speed) if stiffness else 0.0,
+        reading=rms(*acceleration),
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
@@ -183,11 +184,8 @@ def _fitted_from_acceleration(name: str, wide: Model, now: Regression, begun: Re
 
 def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
     """The fit of a simulated motion with an effect that delays the command, from ``TRAILS`` of the time by which the
-    motion trails it; that is held for the first steps.
-
-    The inertia and the damping of the present fit have absorbed the delay.  A lag of 36 ms of a servo with a response
-    of 24 ms was fitted as 19 ms, with the inertia twice as large: of three poles any one may be the lag.
-    """
+    motion trails it.  That is held for the first steps, as the inertia and the damping of the present fit have absorbed
+    the delay, and of the three poles of a servo behind a lag any one may be the lag."""
     effect = get_effect(name)
     if effect.acts_on is not ActsOn.COMMAND or not effect.delays_by or is_over():
         return None
@@ -213,8 +211,7 @@ def _with_values(model: Model, other: Model) -> Model:
 
 def _within_speeds(model: Model, name: str, size: MotionScales, blurred: float) -> Model:
     """The model with the characteristic speeds of an effect bounded to those of the motion; lower speeds count as rest,
-    or are ``blurred`` [rad/s] by the filter.  Without this bound a Stribeck friction of 35 N m was fitted near rest to
-    a wrist with a hundredth of that torque."""
+    or are ``blurred`` [rad/s] by the filter."""
     high = policy.NEAR_REST * size.speed
     low = min(max(policy.UNSURE_SPEED * size.speed, blurred), high / 2)
     speeds = {
@@ -235,7 +232,7 @@ def _blurred_speed(data: Problem) -> float:
     """
     if not isinstance(data, InverseModel):
         return 0.0
-    return max(_rms([one.acceleration]) / (2 * np.pi * one.band_hz) for one in data.signals)
+    return max(rms(one.acceleration) / (2 * np.pi * one.band_hz) for one in data.signals)
 
 
 def refined(fit: Regression) -> Regression:
@@ -255,7 +252,3 @@ def _tried(model: Model, data: Problem, nuisance: FloatArray, steps: int) -> Reg
 def _needs_angle(name: str) -> bool:
     """Whether an effect has a phase."""
     return any(parameter.unit == "rad" for parameter in get_effect(name).parameters.values())
-
-
-def _rms(parts: list[FloatArray]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))

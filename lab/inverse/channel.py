@@ -56,8 +56,7 @@ class Channel:
         delay.  Motion that the torque does not cause (of a vibrating arm or a belt) has far larger accelerations than
         slow motion.  Least squares is efficient only for a white residual; here generalised least squares is
         approximated by weights of 0 and 1 over frequency.  All recordings have the same end of the band in hertz, as
-        such a vibration has a fixed frequency: with a share of each own band 7 of 94 samples were left of a slow
-        pendulum beside a vibrating one.
+        such a vibration has a fixed frequency.
         """
         whole = [Signals.of(one) for one in experiments]
         _check_sizes(whole)
@@ -154,10 +153,8 @@ class _JointFit:
     @property
     def is_reversed(self) -> bool:
         """Whether torque and angle have opposite positive directions: friction adds power, and whichever of friction
-        and inertia is identified is negative.  A delay below an eighth of a period makes friction add power, too, but
-        with less torque than the inertia has.
-        A damper on a test bench has no inertia that is identified; its gas spring, of another pressure in each
-        recording, looked like one of 12.5 ± 1.0 kg, with a thousandth of the squared force."""
+        and inertia is identified is negative.  The inertia counts only if it has more of the torque than friction: a
+        delay below an eighth of a period makes friction add power, too, but with less torque than the inertia has."""
         both = ((self.lost, self.lost_deviation), *(() if self.rubs else ((self.inertia, self.deviation),)))
         certain = [value for value, deviation in both if deviation < policy.INERTIA_IDENTIFIED * abs(value)]
         return self.lost < 0 and bool(certain) and max(certain) < 0
@@ -176,8 +173,7 @@ class _JointFit:
 def _is_blurred(fit: _JointFit | None, found: Sequence[tuple[Channel, _JointFit | None]]) -> bool:
     """Whether the inertia of a fit is significantly less than half of that in another band.  The acceleration in its
     band is then more noise than motion, so that least squares underestimates the inertia (errors in variables).  The
-    noise of the angle does not show this where the angle is the integral of a noisy speed: the inertia of a motor was
-    1e-5 instead of 7e-4 kg m²."""
+    noise of the angle does not show this where the angle is the integral of a noisy speed."""
     surely = max((one.inertia - policy.BAND_AS_WELL * one.deviation for _, one in found if one), default=0.0)
     return fit is not None and surely > 0 and fit.inertia < surely / 2
 

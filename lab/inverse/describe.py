@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from lostmotion.lab import words
-from lostmotion.lab.data.experiment import axis_of as axis_of_experiments
 from lostmotion.lab.discrepancy.residual_maps import finding, residual_maps
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression
@@ -17,12 +16,7 @@ from lostmotion.lab.quantity import quantity
 from lostmotion.lab.results import Finding
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["axis_of", "described"]
-
-
-def axis_of(fit: Regression) -> tuple[bool, str]:
-    """Whether the axis of a fit is linear, and the unit recorded in place of its torque; see ``experiment.axis_of``."""
-    return axis_of_experiments([one.experiment for one in fit.data.signals])
+__all__ = ["described"]
 
 
 def described(fit: Regression) -> Finding:
@@ -36,12 +30,12 @@ def described(fit: Regression) -> Finding:
             | ({"torque": one.filtered(load)} if one.experiment.is_driven else {})
             for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
         ]
-        what, unit = words.column(data.column, *axis_of(fit))
+        what, unit = words.column(data.column, *data.axis)
         text = f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is missing"
     else:
         times = [one.experiment.time[~np.isnan(one.experiment.measured[one.column])] for one in data.signals]
         variables = [_states(one, names, time) for one, time in zip(data.signals, times, strict=True)]
-        unit = words.column(data.column, *axis_of(fit))[1]
+        unit = words.column(data.column, *data.axis)[1]
         text = f"an error of the motion of about {quantity(fit.error, unit, 2)} is left"
     residuals = data.by_recording(fit.misfit)
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})

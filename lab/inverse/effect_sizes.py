@@ -64,10 +64,8 @@ def is_sized(effect: str, fit: Regression) -> bool:
     of it.
 
     A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is the
-    square of a over its standard deviation for this phi, and is compared with 2 F(2, n).  By the interval of a alone a
-    weight was not identified beside a constant torque: over a swing of 20 degrees one of the two components is the
-    difference of weight and constant torque, and a spring, which a hundredth as many machines have, was named in its
-    place.
+    square of a over its standard deviation for this phi, and is compared with 2 F(2, n): beside a constant torque a
+    small swing identifies only one of the two components of a weight.
     """
     names, block = amplitudes(effect, fit), blocks_of(fit)
     if not names:
@@ -85,9 +83,8 @@ def is_sized(effect: str, fit: Regression) -> bool:
 def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
     """Whether an effect without fitted amplitudes has an identified parameter, or no free parameter at all.
 
-    An effect with a frequency must also cover ``policy.LEAST_PERIODS`` periods in the longest recording: a mode of a
-    single period was fitted to the slow part of coloured noise.  Its frequency must be identified: to a mass on a
-    spring with friction, a mode of any frequency from 0.001 to 1e6 Hz could be fitted.
+    An effect with a frequency must also cover ``policy.LEAST_PERIODS`` periods in the longest recording, as a single
+    period is the slow part of any coloured noise.
     """
     longest = max(one.experiment.duration for one in fit.data.signals)
     swings = [p.value * longest for p in fit.model.own(effect).values() if p.unit == "Hz" and not p.fixed]

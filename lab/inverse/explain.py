@@ -1,13 +1,9 @@
 """The search for missing effects in a model with one moving part: its preparation and its result.
 
-1.  Angle and torque are filtered to the band in which the motion exceeds its noise, and the delay between them is
-removed
-   (channel.py).
-2.  The model is fitted by least squares (regression.py).
-3.  Effects are added as long as one predicts unseen samples better, significantly for the whole catalogue; effects that
-   have become superfluous are eliminated (selection/forward.py, with the likelihood of likelihood.py).
-4.  The errors that are reported are those on the last recording.  No parameter is fitted to it.  It decides between
-   effects that explain the others equally well, and is one more fold where there is only one other recording.
+Angle and torque are filtered to the band in which the motion exceeds its noise, and the delay between them is removed
+(channel.py).  The search is selection/forward.py, with the likelihood of likelihood.py.  The errors that are reported
+are those on the last recording, to which no parameter is fitted.  It decides between effects that explain the others
+equally well, and is one more fold where there is only one other recording.
 """
 
 from __future__ import annotations
@@ -27,7 +23,7 @@ from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.fitting.identifiability import coasts, with_scale
 from lostmotion.lab.inverse.channel import Channel
-from lostmotion.lab.inverse.describe import axis_of, described
+from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
 from lostmotion.lab.inverse.likelihood import (
     Fitted,
@@ -117,7 +113,7 @@ def _explanation(
     floors = _floors(noise, best, unseen)
     left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
-    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, *axis_of(best))[1])
+    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, *best.data.axis)[1])
     return Explanation(
         missing=missing,
         confusable=selection.confusable,
@@ -168,7 +164,7 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     channel.warn(experiments[0].name)
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
-    fit = WholeMotion(method, from_spectra(model, experiments), signals).first().judged
+    fit = WholeMotion(method, from_spectra(model, experiments), signals).first.judged
     return replace(channel.annotated(_fit(fit, model, _floors(noise, fit))), held=held)
 
 
@@ -203,7 +199,7 @@ def _estimates(fit: Regression) -> tuple[Estimate, ...]:
     block = blocks_of(fit)
     width = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
     found = fit.unknowns.estimates(fit.model, fit.z, fit.deviations_within_bounds(block), width)
-    return tuple(replace(one, unit=words.of_axis(one.unit, *axis_of(fit))) for one in found)
+    return tuple(replace(one, unit=words.of_axis(one.unit, *fit.data.axis)) for one in found)
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], *unseen: Signals) -> Fit:

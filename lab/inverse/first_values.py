@@ -96,9 +96,8 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
     """Whether the motion covers ``policy.LEAST_PERIODS`` of an effect that repeats N times a turn, at speeds at which
     its frequency is within the band; true for other effects.
 
-    At higher speeds the effect shows only at the start and the end of a motion, where it can imitate any function: for
-    a motor at constant voltage one of 18 periods a turn took the whole error.  N = 1 is the law of a weight: it is
-    tried on shafts only, and reported as confusable with the weight there.
+    At higher speeds the effect shows only at the start and the end of a motion, where it can imitate any function.  N =
+    1 is the law of a weight: it is tried on shafts only, and reported as confusable with the weight there.
     """
     turns = model.parameters.get(f"{name}.N")
     if turns is None:

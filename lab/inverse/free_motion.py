@@ -49,7 +49,7 @@ def resolved(fit: Regression) -> Regression:
 
 def _not_vanished(model: Model, start: Model) -> Model:
     """The model with the initial values of those parameters that a short horizon took to zero, as a later fit would not
-    leave zero.  Without this, a mass that is damped within four swings had no damping."""
+    leave zero."""
     first = {name: start.parameters[name].value for name in free_names(start)}
     return model.replace(
         {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lostmotion.lab.deadline import is_over
+from lostmotion.lab.deadline import FitEndsError, is_over
 from lostmotion.lab.inverse.problem import Problem
 from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.shooting.parameters import Unknown, Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FitEndsError", "Objective", "prior_of", "scaled"]
+__all__ = ["Objective", "prior_of", "scaled"]
 
 PRIOR = 0.1
 """Weight of the prior on the base's parameters while a fit is far off: a factor e costs as much as one sample with an
@@ -32,10 +32,6 @@ LEAST_SCALE = 0.01
 LARGEST_BIAS = 2.0
 """Largest constant torque, as a share of the largest torque.  Without this bound a constant torque and a ripple 2000
 times as large as the torque followed the motion of a flexible arm (docs/decisions/0009)."""
-
-
-class FitEndsError(Exception):
-    """Ends a fit at the last point at which its derivatives are known."""
 
 
 @dataclass(eq=False)

@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,7 @@ class Fitted:
     def surest(self) -> Regression:
         """The fit to report: of the least-squares and the generalised least-squares fit of a torque the one with the
         smaller relative deviations of its effects.  Whitening gives more weight to high frequencies, where the noise of
-        an angle dominates its speed: a viscous friction of 1.0 N m s/rad was 0.31 by the one and 0.18 by the other."""
+        an angle dominates its speed."""
         return self.judged if self.judged is self.inverse else min(self.inverse, self.judged, key=uncertainty)
 
     @property
@@ -110,8 +110,8 @@ class Fitted:
     @property
     def screened(self) -> float:
         """Root mean square error of the fit to select candidates with.  For a candidate of a free motion this is the
-        error of the present model times the ratio of their errors of the acceleration: a swing with its weight but
-        without its damping is out of phase, with an error no smaller than without the weight."""
+        error of the present model times the ratio of their errors of the acceleration, as a swing with its weight but
+        without its damping is out of phase."""
         return self.inverse.rms if self.by_acceleration is None else self.by_acceleration
 
     @property
@@ -153,6 +153,7 @@ class WholeMotion:
         """Whether an input drives the motion."""
         return any(one.experiment.is_driven for one in self.signals)
 
+    @cached_property
     def first(self) -> Fitted:
         """The fit of the model as it is."""
         if self.method is Method.MOTION:
@@ -236,9 +237,8 @@ class WholeMotion:
         """The squared cross-validated errors of two fits in blocks of the residual of ``other``, and those on the
         unseen recording where it is a fold or with ``of_all``.
 
-        The folds have the speeds and amplitudes of the fit; the unseen recording also shows an effect that overfits
-        them by a difference of large terms, as it extrapolates badly.  An effect with which the unseen motion cannot be
-        simulated gains nothing.
+        The folds have the speeds and amplitudes of the fit, the unseen recording has others.  An effect with which its
+        motion cannot be simulated gains nothing.
         """
         white = other.judged.data.whitened
         block = blocks_of(other.judged)
@@ -264,17 +264,12 @@ class WholeMotion:
         )
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
-        """``policy.LEAST_GAIN``, or 1, so that nothing is named, where the error of the motion is one of
-        integration."""
+        """``policy.LEAST_GAIN``, and of a torque at least ``policy.LEAST_SHARE`` of the squared error of the first
+        model; or 1, so that nothing is named, where the error of the motion is one of integration."""
         data = now.judged.data
-        is_followed = isinstance(data, OutputError) and now.rms < data.accuracy
-        return 1.0 if is_followed else policy.LEAST_GAIN
-
-    def least_taken(self, first: Fitted) -> float:
-        """``policy.LEAST_SHARE`` of the squared error of the first model, if that is of a torque.  A simulated motion
-        without its friction goes any way: 8 rad of an unbalanced wheel that coasts down hid its weight, which took half
-        of what was left beside two frictions."""
-        return policy.LEAST_SHARE * first.rms**2 if self.method is Method.TORQUE else 0.0
+        if isinstance(data, OutputError):
+            return 1.0 if now.rms < data.accuracy else policy.LEAST_GAIN
+        return max(policy.LEAST_GAIN, policy.LEAST_SHARE * (self.first.rms / max(now.rms, 1e-300)) ** 2)
 
     def is_sized(self, effect: str, fit: Fitted) -> bool:
         """Whether the size of an effect differs from zero; see ``effect_sizes.is_sized``."""
@@ -291,8 +286,8 @@ def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:
 
 
 def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:
-    """The initial models whose error is smaller than that of a model at rest, or all where there are none.  With a bar
-    of 58 Hz in the model file, 110 s of a pendulum were simulated in steps of 0.4 ms, which took all of the time."""
+    """The initial models whose error is smaller than that of a model at rest, or all where there are none.  Others only
+    take time: a bar that is far too stiff is simulated in far too many steps."""
     near = [
         (start, data) for start, data in begun
         if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
@@ -318,7 +313,7 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     """The fitted model on an unseen recording, on which only the nuisance parameters (initial state, zero angle) are
     fitted; None where the motion cannot be simulated.  A later part of a fitted recording has the zero of that one."""
     known = held(fit.model, fit.unknowns.names)
-    with suppress(ModelError), within(math.inf):  # two numbers: a fit cut short would be reported as the effect's error
+    with suppress(ModelError), within(math.inf):  # a fit that is cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
             is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
             data = OutputError.of([unseen], known, fit.data.substep_s)

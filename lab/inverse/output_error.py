@@ -23,6 +23,7 @@ from scipy.optimize import brentq
 
 from lostmotion.lab.data.clipping import RANGE
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.fitting.identifiability import free_states
 from lostmotion.lab.inverse.problem import Problem
 from lostmotion.lab.inverse.signals import Signals
@@ -93,12 +94,8 @@ class OutputError(Problem):
     @cached_property
     def nuisance(self) -> FloatArray:
         """The initial position and speed of each recording in the filtered signals, and its free states in equilibrium
-        with them (K R,).
-
-        A fit may move them anywhere, as near an end the transient of the filter is many times the noise: a bar that a
-        force sets into motion from rest had 14 times the noise left where its initial speed was bounded by the scatter
-        of the readings.
-        """
+        with them (K R,).  A fit may move them anywhere, as near an end the transient of the filter is many times the
+        noise."""
         starts = ([one.position[0], one.velocity[0], *self._settled(self.prior_centre, one)] for one in self.signals)
         return np.array([value for start in starts for value in start])
 
@@ -168,8 +165,7 @@ class OutputError(Problem):
 
     def _has_zero(self, at: int) -> bool:
         """Whether the sensor of a recording has a zero of its own: an accelerometer, which feels gravity and has an
-        offset, and an encoder or a film, whose zero is where the user puts it, relative to the first recording: three
-        swings of a disk whose zeros differ by 0.8 rad had 26 degrees left, and 5 with zeros of their own.  The goal of
+        offset, and an encoder or a film, whose zero is where the user puts it, but in the first recording.  The goal of
         a servo is counted from the zero of its angle."""
         is_placed = self.prior_centre.base != "servo" and (at > 0 or not self.is_anchored)
         return self.column == ACCEL or is_placed
@@ -196,8 +192,7 @@ class OutputError(Problem):
 
     def resolved(self, model: Model, nuisance: FloatArray) -> OutputError:
         """The problem with the longest integration step (of repeated halvings) whose halving changes the residual of a
-        free motion by less than the share ``RESOLVED``.  With the step of a search, a mass that dry friction stops had
-        1.4 times the noise left, and a second mode was named."""
+        free motion by less than the share ``RESOLVED``."""
         if self.is_driven:
             return self
         data, here = self, self.residual(model, nuisance)
@@ -213,7 +208,7 @@ class OutputError(Problem):
         """Root mean square of the filtered motion's deviation from its mean over whole recordings, also at rest, in the
         unit of the readings [rad, m or m/s²]."""
         parts = [one.acceleration if one.column == ACCEL else one.position for one in self.signals]
-        return float(np.sqrt(np.mean(np.concatenate([part - part.mean() for part in parts]) ** 2)))
+        return rms(*(part - part.mean() for part in parts))
 
     @property
     def accuracy(self) -> float:
@@ -225,7 +220,7 @@ class OutputError(Problem):
         """The error of a model at rest: root mean square of the deviation of the compared readings from their mean
         [rad, m or m/s²]."""
         readings = [one.experiment.measured[one.column] for one in self.signals]
-        return float(np.sqrt(np.nanmean(np.concatenate([each - np.nanmean(each) for each in readings]) ** 2)))
+        return rms(*(each - np.nanmean(each) for each in readings))
 
     @cached_property
     def counts(self) -> list[int]:

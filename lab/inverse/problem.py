@@ -16,6 +16,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from lostmotion.lab.data.experiment import axis_of
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration, inertia_of
 from lostmotion.model import Model
@@ -76,6 +78,11 @@ class Problem(ABC):
     def is_driven(self) -> bool:
         """Whether an input drives one of the motions."""
         return any(one.experiment.is_driven for one in self.signals)
+
+    @property
+    def axis(self) -> tuple[bool, str]:
+        """Whether the axis is linear, and the unit of what was recorded in place of its torque."""
+        return axis_of([one.experiment for one in self.signals])
 
     def whitened(self, misfit: FloatArray) -> FloatArray:
         """A misfit (M,) without the correlation of neighbouring samples, where the problem has a noise model."""
@@ -180,7 +187,7 @@ class InverseModel(Problem):
 
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the measured torque [N m]."""
-        return float(np.sqrt(np.mean(np.concatenate([one.torque for one in self.signals]) ** 2)))
+        return rms(*(one.torque for one in self.signals))
 
     @cached_property
     def counts(self) -> list[int]:
@@ -219,4 +226,4 @@ class EquationError(InverseModel):
 
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the acceleration [rad/s² or m/s²]."""
-        return float(np.sqrt(np.mean(np.concatenate([one.acceleration for one in self.signals]) ** 2)))
+        return rms(*(one.acceleration for one in self.signals))

@@ -17,7 +17,9 @@ from scipy.optimize import least_squares
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
-from lostmotion.lab.inverse.free_parameters import FitEndsError, Objective, prior_of, scaled
+from lostmotion.lab.data.series import rms
+from lostmotion.lab.deadline import FitEndsError
+from lostmotion.lab.inverse.free_parameters import Objective, prior_of, scaled
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -56,7 +58,7 @@ class Regression:
     @property
     def rms(self) -> float:
         """Root mean square of the residual."""
-        return float(np.sqrt(np.mean(self.residual**2)))
+        return rms(self.residual)
 
     @cached_property
     def misfit(self) -> FloatArray:
@@ -66,7 +68,7 @@ class Regression:
     @property
     def error(self) -> float:
         """Root mean square of the misfit."""
-        return float(np.sqrt(np.mean(self.misfit**2)))
+        return rms(self.misfit)
 
     @property
     def count(self) -> int:
@@ -176,7 +178,7 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
 def _prior_weights(most: FloatArray, residual: FloatArray, data: Problem, model: Model) -> FloatArray:
     """The weights of the prior (P,) for a fit with this residual (M,): the misfit relative to the signal, but at most
     ``most`` (P,)."""
-    misfit = float(np.sqrt(np.mean(residual**2))) if np.isfinite(residual).all() else math.inf
+    misfit = rms(residual) if np.isfinite(residual).all() else math.inf
     return np.minimum(most, misfit / _signal_rms(data, model))
 
 

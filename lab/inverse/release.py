@@ -106,9 +106,8 @@ def _free_part(signals: Signals) -> _FreePart:
     half a period after a rest is left out as well, which is the longest time in which a blow does not push against the
     motion.
 
-    The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band (of
-    six simulated arms, each dropped three times in 6 s, none was right with the whole rest, and all are without).  It
-    ends with the motion where something acts again afterwards.
+    The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band, or
+    with the motion where something acts again afterwards.
 
     Raises ExperimentError for a part that gains speed all the same, as a motor's shaft does.
     """

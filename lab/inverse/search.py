@@ -24,12 +24,10 @@ def searched(
     model: Model, train: Sequence[Experiment], last: Experiment, method: Method, pool: Executor, progress: Progress
 ) -> tuple[Channel, Signals, Selection[Fitted]]:
     """The channel, the signals of the last recording in it, and the search with the delay of the recordings, or that
-    without it where its effects predict better.
+    without it where its effects predict better, by the test of an effect.
 
-    The delay is estimated before any effect is known, and an effect that the model lacks may look like one: a ripple of
-    ten a turn, of a simulated joint, like a delay of 20 ms, beside which it had p = 1.  Without the delay it leaves the
-    noise.  Predictions are better by as much and as significantly as an effect has to make them: with two effects and a
-    delay of 3.5 ms a motor was predicted as well as with three effects and none (p = 0.1).
+    The delay is estimated before any effect is known, and an effect that the model lacks may look like one, such as a
+    ripple.  Where much is left, the search goes on with a whitened misfit.
     """
 
     def likelihood(channel: Channel, *, is_whitened: bool = False) -> WholeMotion:

@@ -18,6 +18,7 @@ from scipy.interpolate import make_interp_spline
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.inverse.zero_phase import lowpass
 from lostmotion.model.motion import FloatArray
 
@@ -85,8 +86,8 @@ class Signals:
     torque_noise: float
     column: str = "position"
     counts_settled: bool = False
-    """Whether samples within ``SETTLED`` of a rest or a reversal are not compared.  They are not where there is a
-    torque, unless neighbours move the joint, so that its friction is known by the reversals alone."""
+    """Whether only samples farther than ``SETTLED`` from a rest or a reversal are compared: where there is a torque,
+    unless neighbours move the joint, so that its friction is known by the reversals alone."""
 
     @classmethod
     def of(
@@ -152,8 +153,7 @@ class Signals:
         return np.asarray(np.diff(self.kept) == self._every)
 
     def until_moved(self, share: float) -> float:
-        """The time until which the part has made this share of its motion [s]: samples at rest do not count.  The last
-        third of a recording of one step was all at rest, and friction was judged by the noise of its acceleration."""
+        """The time until which the part has made this share of its motion [s]: samples at rest do not count."""
         moving = np.flatnonzero(np.abs(self.velocity) >= self._rest_speed)
         return float(self.time[moving[int(share * (moving.size - 1))]])
 
@@ -180,7 +180,7 @@ class Signals:
     @property
     def _rest_speed(self) -> float:
         """The speed below which a sample counts as at rest, as the sign of its speed is unknown [rad/s]."""
-        usual = float(np.sqrt(np.mean(self.velocity**2)))
+        usual = rms(self.velocity)
         noise = self._derivative_noise(min(WHOLE * self.band_hz, FASTEST * self._rate), 1)
         return min(max(policy.SURE_SPEED * noise, policy.UNSURE_SPEED * usual), policy.SLOW_SPEED * usual)
 

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, build_model
 from lostmotion.model.assemble import scope
@@ -119,8 +120,7 @@ def softened(model: Model, signals: Sequence[Signals], saturation: float = SATUR
     """The model with dry friction that changes its sign within the speed of samples at rest: its fixed widths omega_0
     are at least ``policy.UNSURE_SPEED`` of the usual speed over ``saturation``.  Default widths are replaced by this
     one: a default in rad/s is too wide for a slow joint or a linear axis."""
-    usual_speed = float(np.sqrt(np.mean(np.concatenate([one.velocity for one in signals]) ** 2)))
-    width = policy.UNSURE_SPEED / saturation * usual_speed
+    width = policy.UNSURE_SPEED / saturation * rms(*(one.velocity for one in signals))
     usual = build_model(model.base, model.effects).parameters
     widths = {
         name: width
@@ -132,6 +132,5 @@ def softened(model: Model, signals: Sequence[Signals], saturation: float = SATUR
 
 def simulable(model: Model, signals: Sequence[Signals]) -> Model:
     """The model with widths of dry friction for a simulation; see ``softened``.  A servo holds its load at rest for
-    much of a recording and would creep with a larger width: with that of a free motion, Stribeck friction was named for
-    a servo that sticks, and nothing for an XL330."""
+    much of a recording, and would creep with a larger width."""
     return softened(model, signals, HOLDS if model.base == "servo" else 1.0)

@@ -169,8 +169,7 @@ def simplest(alike: Sequence[Candidate[F]]) -> list[Candidate[F]]:
     gives way to a far more common one of its kind that explains a little less.
 
     Equally well means that the blocks are too few for significance.  The likelihood counts each block as one sample, so
-    that with twelve a parameter costs a fifth of the squared error: gravity of a pendulum, with two, took 71 % where
-    Coulomb friction took 38 %.
+    that with twelve a parameter costs a fifth of the squared error.
     """
     blocks = max(one.blocks for one in alike)
     costs = {one.effect: (1 - one.gain) * blocks ** (one.fit.count / blocks) for one in alike}

@@ -62,6 +62,7 @@ class Likelihood(Protocol[F]):
     def turns(self) -> float: ...
     @property
     def is_held_out(self) -> bool: ...
+    @property
     def first(self) -> F:
         """The fit of the model as it is."""
 
@@ -86,9 +87,6 @@ class Likelihood(Protocol[F]):
 
     def least_gain(self, fit: F, now: F) -> float:
         """The share of the squared error that an effect must take to be named."""
-
-    def least_taken(self, first: F) -> float:
-        """The squared error that an effect must take to be named; first: the fit of the model as it is."""
 
     def is_sized(self, effect: str, fit: F) -> bool:
         """Whether the size of an effect differs from zero."""
@@ -141,7 +139,7 @@ def selected(
 ) -> Selection[F]:
     """Adds effects as long as one is significant and there is time, then eliminates those that have become
     superfluous.  begun: a search by another likelihood, which this one goes on with."""
-    fits = list(begun.fits) if begun else [likelihood.first()]
+    fits = list(begun.fits) if begun else [likelihood.first]
     added, steps, untried = (list(begun.labels), list(begun.steps), begun.untried) if begun else ([], [], ())
     now = likelihood.accepted(fits[-1], fits[-1]) if begun else fits[-1]
     with within(policy.STAGE_SHARE * remaining_s()):
@@ -149,7 +147,6 @@ def selected(
             progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
             found = step(now, tuple(added), likelihood)
             several = [found] if found.is_accepted else _pair(found, now, tuple(added), likelihood)
-            several = [] if several and _is_slight(several[-1], now, likelihood.least_taken(fits[0])) else several
             steps += several or [found]
             for one in several:
                 now = likelihood.accepted(one.judged[0].fit, now)
@@ -169,11 +166,6 @@ def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str
     its own, or by the last one, with the share that it explained."""
     new = (effect for effect in effects if effect not in own and effect not in labels)
     return [label if label in effects else next(new, labels[-1]) for label in labels]
-
-
-def _is_slight(step: Step[F], now: F, least: float) -> bool:
-    """Whether an accepted step takes less than ``least`` of the squared error, however significant it is."""
-    return step.judged[0].gain * now.rms**2 < least
 
 
 def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
@@ -246,11 +238,9 @@ def _preferred(one: Candidate[F], turns: float) -> tuple[bool, bool]:
 def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> list[Step[F]]:
     """The steps of a pair of effects, where neither is significant alone; none where no pair is.
 
-    With gravity, viscous and Coulomb friction the first one added leaves the other two confounded (UR10e, joint 4); one
-    of two effects of gears leaves the impacts wrong.  A pair is tested against neither effect, corrected for all pairs,
-    and against each effect alone.  What explains most of what proposes candidates comes first, of equals the one that
-    is ``_preferred``: gravity without damping is out of phase after some swings, and predicts nothing.  Dry friction
-    and drag together damp as viscous friction does: beside it neither explains anything.
+    A pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Its first effect
+    is the one that explains most of what proposes candidates, of equals the one that is ``_preferred``: gravity without
+    damping is out of phase after some swings, and predicts nothing.  The other pair is that of ``opposed``.
     """
     alone = {one.effect: one for one in step_alone.judged}
     pairs = len(alone) * (len(alone) - 1) / 2
@@ -282,11 +272,8 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
 
 def _eliminated(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:
     """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, or whose
-    size is no longer identified, as long as the estimates of the others agree with their definitions.
-
-    One without which the fit falls far behind is needed, whatever it would predict: a swing without its weight took 15
-    s of processor time for that.
-    """
+    size is no longer identified, as long as the estimates of the others agree with their definitions.  One without
+    which the fit falls far behind is needed; its predictions, which take time, are not computed."""
     fits, labels = list(found.fits), list(found.labels)
     for effect in found.added:
         if is_over():

@@ -48,7 +48,7 @@ def test_an_end_that_one_segment_reaches_is_found(largest: float) -> None:
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(held[2], task, 0.5, pool)
         likelihood = ShortSegments(level, unseen)
-        found = step(likelihood.first(), (), likelihood)
+        found = step(likelihood.first, (), likelihood)
     assert found.is_accepted == np.isfinite(largest)
     if found.is_accepted:
         best = found.judged[0]

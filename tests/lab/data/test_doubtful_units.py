@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data.doubtful_units import warn_of_units
+from lostmotion.lab.data.readings import warn_of_units
 from lostmotion.model.motion import FloatArray
 
 TIME = np.arange(0.0, 4.0, 0.01)

@@ -176,6 +176,7 @@ class LinearUnseen(Unseen):
 class Linear(ShortSegments):
     """The likelihood of gears with linear fits to one draw of the noise; what it proposes and tests is the lab's."""
 
+    @property
     def first(self) -> SegmentFit:
         """Without any effect."""
         (judged,) = self.unseen.validate_each([MODEL])
@@ -187,7 +188,7 @@ class Linear(ShortSegments):
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
         """The fit without the only effect."""
-        return self.first()
+        return self.first
 
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Always: none that the test allows is taken back."""

@@ -58,6 +58,7 @@ class Columns:
         sizes = np.linalg.lstsq(A[::2], self.measured[::2])[0]
         return Regressed(build_model("joint", effects), self.measured - A @ sizes, sizes)
 
+    @property
     def first(self) -> Regressed:
         """Without any column."""
         return self.fit([])
@@ -89,9 +90,6 @@ class Columns:
         """On the samples that are not fitted."""
         block = np.arange(SAMPLES // 2) // BLOCK
         return Predictions(one.left[1::2] ** 2, other.left[1::2] ** 2, block)
-
-    def least_taken(self, first: Regressed) -> float:
-        return 0.0
 
     def least_gain(self, fit: Regressed, now: Regressed) -> float:
         """A twentieth."""
@@ -146,9 +144,6 @@ class EquallyWrong(Columns):
     ) -> Iterator[Proposals[Regressed]]:
         """Three at the first step, then none."""
         yield Proposals([] if added else [(name, self.fit([name])) for name in self.columns])
-
-    def least_taken(self, first: Regressed) -> float:
-        return 0.0
 
     def least_gain(self, fit: Regressed, now: Regressed) -> float:
         """None, so that the test alone decides."""
