@@ -107,8 +107,7 @@ class Service:
         self._stamps = Stamps(self._robot.clock, self._store)
         self._begin()
         self._notifier.ready()
-        config = self._config
-        log.info("started: robot %s, %d joints, database %s", config.robot.name, len(config.joints), config.database)
+        log.info("started: %s, database %s", _monitored(self._config), self._config.database)
 
     def main_loop(self, duration_s: float | None) -> None:
         """Steps until there is a reason to stop."""
@@ -233,7 +232,7 @@ class Service:
             self._live(old_config, Robot(old_config), old_store, known)
             unused = store
         else:
-            log.info("configuration taken: robot %s, %d joints", config.robot.name, len(config.joints))
+            log.info("configuration taken: %s", _monitored(config))
             refusal, unused = "", old_store
         if unused is not self._store:
             unused.close()
@@ -350,6 +349,11 @@ def _log_kept_configuration(error: BaseException) -> str:
     else:
         log.error("the old configuration stays: internal error: %r", error, exc_info=error)
     return f"the old configuration stays: {error}"
+
+
+def _monitored(config: Config) -> str:
+    joints = len(config.joints)
+    return f"robot {config.robot.name}, {joints} joint{'' if joints == 1 else 's'}"
 
 
 def _store(config: Config) -> Store:
