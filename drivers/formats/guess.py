@@ -179,7 +179,8 @@ def named(term: Term, series: Sequence[Series], joint: str, name: str) -> tuple[
         if full in names:
             return names[full], term
     spelt = [other for other in names if _plain(other) == _plain(term.name)]
-    endings = spelt or [other for other in names if other.endswith(term.name)]
+    endings = spelt or [other for other in names if other.endswith((term.name, f"{term.name}[{joint}]"))]
+    endings = endings or [other for other in names if _plain(other).endswith(_plain(term.name))]
     if len(endings) == 1:
         return names[endings[0]], replace(term, name=endings[0])
     close = endings or [other for other in names if other.startswith(term.name)]

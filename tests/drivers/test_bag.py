@@ -96,6 +96,9 @@ def test_topics_types_and_clocks_are_chosen(bag: Path) -> None:
     """A type of somebody's own by its definition in the file; the time of receipt where it is asked for."""
     own = read(bag, "torque=/load.torque[elbow]", joint="elbow").recording
     np.testing.assert_allclose(own.signal("torque")[1], 3 * own.signal("position")[1])
+    for topic_and_field in ("/load.torque", "load.torque"):
+        same = read(bag, f"torque={topic_and_field}", joint="elbow")
+        assert {one.column: one.series for one in same.columns}["torque"] == "/load.torque[elbow]"
     asked = read(bag, "time=log", joint="elbow")
     assert asked.recording.metadata["start"] - own.metadata["start"] == timedelta(microseconds=3000)
     fed_back = read(bag, joint="wrist", topics=("/arm_controller/controller_state",))
