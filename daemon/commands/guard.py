@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any, TextIO
 
 import click
@@ -27,7 +28,7 @@ class RootGroup(click.Group):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Runs the command line and exits."""
         kwargs |= {"standalone_mode": False, "prog_name": "lostmotion"}
-        sys.stdout, sys.stderr = sys.stdout or Closed(), sys.stderr or io.StringIO()  # None: closed by the caller
+        sys.stdout, sys.stderr = sys.stdout or Closed(), sys.stderr or _nowhere()  # None: closed by the caller
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="replace")  # a terminal without UTF-8 gets ? for bars and lines
         run = super().main
@@ -139,6 +140,11 @@ def _print_error(message: str) -> int:
 def _unread() -> int:
     _discard(sys.stdout)
     return UNREAD
+
+
+def _nowhere() -> TextIO:
+    """Takes what is written, and keeps nothing: a service may write for years."""
+    return Path(os.devnull).open("w", encoding="utf-8")
 
 
 def _discard(stream: TextIO) -> None:

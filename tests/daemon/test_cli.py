@@ -22,6 +22,7 @@ from lostmotion import __version__
 from lostmotion.daemon.commands.guard import RootGroup
 from tests.conftest import ROOT
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, call, fill, is_one_line, start
+from tests.daemon.conftest import wait_until
 
 HEAVY = ("numpy", "scipy", "numba", "matplotlib", "rich", "plotext", "serial", "zenoh")
 COMMANDS = (
@@ -263,6 +264,16 @@ def test_closed_stdout(tmp_path: Path, arguments: list[str]) -> None:
     done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stderr == "lostmotion: stdout is closed, expected to be open for the output\n"
+
+
+def test_a_service_without_stderr_keeps_no_log(tmp_path: Path) -> None:
+    """`2>&-`: the log goes nowhere, neither into memory for years nor into the next file that is opened."""
+    (tmp_path / "robot.toml").write_text(HARDWARE)
+    command = ["sh", "-c", 'exec "$@" 2>&-', "sh", *PROGRAM, "run", "--config", "robot.toml", "--duration", "2"]
+    with subprocess.Popen(command, cwd=tmp_path) as process:
+        wait_until((tmp_path / "history.db").exists)
+        assert Path(f"/proc/{process.pid}/fd/2").resolve() == Path(os.devnull)
+        assert process.wait(60) == 0
 
 
 def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
