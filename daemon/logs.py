@@ -66,18 +66,21 @@ class PatientHandler(OneLineHandler):
     def emit(self, record: logging.LogRecord) -> None:
         try:
             self._deliver(record, 0.0 if self._missing else PATIENCE_S)
-            if self._missing:
-                self._tell_missing()
         except (TimeoutError, BlockingIOError):
             self._missing += 1
         except Exception:  # noqa: BLE001 - as logging's own handlers
             self.handleError(record)
+        else:
+            with suppress(Exception):  # the next line tries again
+                self._tell_missing()
 
     def _deliver(self, record: logging.LogRecord, seconds: float) -> None:
         """Writes the record.  Raises TimeoutError or BlockingIOError if the reader takes nothing for that time."""
         raise NotImplementedError
 
     def _tell_missing(self) -> None:
+        if not self._missing:
+            return
         line = f"{self._missing} lines of the log are missing here: {self.reader} took none for a time"
         record = logging.makeLogRecord(
             {"name": __name__, "levelno": logging.WARNING, "levelname": "WARNING", "msg": line}
@@ -94,17 +97,27 @@ class StderrHandler(PatientHandler):
     def __init__(self, stream: TextIO) -> None:
         super().__init__()
         self._stream = stream
+        self._rest = b""
+        """of a line that is begun"""
+        try:
+            self._descriptor: int | None = _that_does_not_wait(stream.fileno())
+        except io.UnsupportedOperation:  # no file, but memory of this process
+            self._descriptor = None
 
     def _deliver(self, record: logging.LogRecord, seconds: float) -> None:
         line = self.format(record) + "\n"
-        try:
-            descriptor = self._stream.fileno()
-        except io.UnsupportedOperation:  # no file, but memory of this process
+        if self._descriptor is None:
             self._stream.write(line)
             return
+        self._write_rest(self._descriptor, seconds)
         data = line.encode(self._stream.encoding, "backslashreplace")
-        while data:
-            data = data[_write_some(descriptor, data, seconds) :]
+        self._rest = data[_write_some(self._descriptor, data, seconds) :]
+        with suppress(TimeoutError, BlockingIOError):
+            self._write_rest(self._descriptor, seconds)
+
+    def _write_rest(self, descriptor: int, seconds: float) -> None:
+        while self._rest:
+            self._rest = self._rest[_write_some(descriptor, self._rest, seconds) :]
 
 
 class TimeFormatter(logging.Formatter):
@@ -163,6 +176,17 @@ class JournalHandler(PatientHandler):
     def close(self) -> None:
         self._socket.close()
         super().close()
+
+
+def _that_does_not_wait(descriptor: int) -> int:
+    """A terminal, opened once more: one that is ready may take a part of a line and wait with the rest.  For others who
+    have it open nothing changes.  Another file as it is."""
+    if not os.isatty(descriptor):
+        return descriptor
+    try:
+        return os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    except OSError:  # another user's
+        return descriptor
 
 
 def _write_some(descriptor: int, data: bytes, seconds: float) -> int:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
+import select
 import socket
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -112,12 +113,14 @@ def test_a_journald_that_hangs_holds_nobody_up(journal: socket.socket, monkeypat
     assert missing["PRIORITY"] == "4"
 
 
+@pytest.mark.parametrize("ends", [os.pipe, os.openpty])
 def test_a_reader_of_standard_error_that_hangs_holds_nobody_up(
-    journal: socket.socket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ends: Callable[[], tuple[int, int]], journal: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same of a pipe whose reader is stopped, as in ``lostmotion run 2>&1 | less``."""
+    """The same of a pipe whose reader is stopped, as in ``lostmotion run 2>&1 | less``, and of a terminal after Ctrl-S.
+    A line that is begun is ended later."""
     monkeypatch.setattr(logs, "PATIENCE_S", 0.1)
-    reading, writing = os.pipe()
+    reading, writing = ends()
     with os.fdopen(reading, "rb", buffering=0) as reader, os.fdopen(writing, "w") as pipe:
         monkeypatch.setattr("sys.stderr", pipe)
         logs.setup({})
@@ -125,10 +128,16 @@ def test_a_reader_of_standard_error_that_hangs_holds_nobody_up(
         for number in range(5000):
             log.warning("line %d", number)
         assert time.monotonic() - start < 30  # waiting for each would take 500 s
-        taken = reader.read(2**20).decode().splitlines()
-        assert all(line.endswith(f"WARNING line {number}") for number, line in enumerate(taken))
+        told = b""
+        while select.select([reader], [], [], 0.2)[0]:
+            told += reader.read(2**20)
         log.warning("once more")
-        once, missing = reader.read(2**20).decode().splitlines()
+        while (
+            not told.endswith(b"took none for a time" + os.linesep.encode()) and select.select([reader], [], [], 60)[0]
+        ):
+            told += reader.read(2**20).replace(b"\r\n", b"\n")
+    *taken, once, missing = told.decode().splitlines()
+    assert all(line.endswith(f"WARNING line {number}") for number, line in enumerate(taken))
     assert once.endswith("WARNING once more")
     reason = "the reader of standard error took none for a time"
     assert missing.endswith(f"WARNING {5000 - len(taken)} lines of the log are missing here: {reason}")

@@ -150,7 +150,7 @@ def test_systemd_hears_of_life_only_while_samples_arrive(tmp_path: Path, start: 
 def test_the_journal_gets_priorities(configuration: Path, start: Start) -> None:
     """Under systemd without journald each line begins with its level and carries no time of its own."""
     service = start(configuration, INVOCATION_ID="1")
-    service.wait_for("<6>started: robot fake, 1 joints")
+    service.wait_for("<6>started: robot fake, 1 joint")
     service.stop(signal.SIGTERM)
 
 

@@ -100,7 +100,7 @@ def test_a_good_configuration_is_taken_over(machine: Machine) -> None:
     before = show(machine, "MainPID")
     machine.write(CONFIG, TEXT.replace("arm1", "arm2"))
     machine.run("systemctl", "reload", "lostmotion")
-    machine.wait_until(lambda: machine.said("configuration taken: robot arm2, 1 joints"))
+    machine.wait_until(lambda: machine.said("configuration taken: robot arm2, 1 joint"))
     assert show(machine, "MainPID") == before
     assert show(machine, "ActiveState") == "active"
     wait_for_scores(machine)
