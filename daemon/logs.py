@@ -108,6 +108,7 @@ class StderrHandler(PatientHandler):
         line = self.format(record) + "\n"
         if self._descriptor is None:
             self._stream.write(line)
+            self._stream.flush()
             return
         self._write_rest(self._descriptor, seconds)
         data = line.encode(self._stream.encoding, "backslashreplace")
