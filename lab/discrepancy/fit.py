@@ -8,13 +8,11 @@ and distant initial values.  describe.py compares the results.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from lostmotion.lab.deadline import FitEndsError, is_over
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.discrepancy.basis import wave_guess
 from lostmotion.lab.observer.filter import STRONG, TIGHT
 from lostmotion.lab.observer.objective import OUTSIDE, Follower, settled
@@ -31,7 +29,7 @@ FAINT = 1e-6
 SLOWEST_HZ, FASTEST_HZ, FASTEST = 1.0, 30.0, 0.45
 """Frequencies of sines: the lowest one, the highest one of a torque [Hz], and the highest one of a sensor as a share of
 its rate."""
-STEPS = 20
+STEPS, TRIALS = 15, 6
 ENOUGH = 3e-4
 
 
@@ -45,30 +43,31 @@ class Descent:
 
     @classmethod
     def of(cls, model: Model, follower: Follower, coupling: float = STRONG) -> Descent:
-        """The minimum that least squares with Cauchy's loss leads to from the values of a model, or the model as it is
-        where an observer diverges or the time is up; coupling: of the observers."""
+        """The minimum that Levenberg-Marquardt steps from the values of a model lead to; coupling: of the observers."""
         unknowns = Unknowns.of(model, follower.rough)
-
-        def errors(z: FloatArray) -> FloatArray:
-            return _errors(unknowns.put(model, z), follower, coupling)
-
-        def jacobian(z: FloatArray) -> FloatArray:
-            here, *moved = (errors(z + step) for step in STEP * np.eye(z.size + 1)[:, 1:])
-            slopes = (np.array(moved) - here).T / STEP
-            if is_over() or not np.isfinite(slopes).all():
-                raise FitEndsError
-            return np.asarray(slopes)
-
-        first = np.clip(unknowns.z(model), *unknowns.bounds)
-        found = cls(model, _cost(errors(first)))
-        if math.isfinite(found.cost):
-            with suppress(FitEndsError):
-                best = least_squares(
-                    errors, first, jacobian, unknowns.bounds,
-                    x_scale="jac", loss="cauchy", f_scale=OUTSIDE, max_nfev=STEPS, ftol=ENOUGH,
-                )  # fmt: skip
-                found = cls(unknowns.put(model, best.x), _cost(best.fun))
-        return found
+        z, (low, high) = unknowns.z(model), unknowns.bounds
+        e, damping = _errors(model, follower, coupling), 1e-2
+        cost = _cost(e)
+        for _ in range(STEPS):
+            if is_over() or not math.isfinite(cost):
+                break
+            moved = [_errors(unknowns.put(model, z + step), follower, coupling) for step in STEP * np.eye(z.size)]
+            J, w = (np.array(moved).T - e[:, None]) / STEP, 1 / (1 + (e / OUTSIDE) ** 2)
+            if not np.isfinite(J).all():
+                break
+            H, g = (J * w[:, None]).T @ J + np.diag(1 / unknowns.prior**2), (J * w[:, None]).T @ e
+            before = cost
+            for _ in range(TRIALS):
+                dz = np.linalg.solve(H + damping * np.diag(np.diag(H)), -g)
+                there = np.clip(z + np.clip(dz, -2.0, 2.0), low, high)
+                tried = _errors(unknowns.put(model, there), follower, coupling)
+                if _cost(tried) < cost:
+                    z, e, cost, damping = there, tried, _cost(tried), damping / 8
+                    break
+                damping *= 6
+            if before - cost <= ENOUGH * before:
+                break
+        return cls(unknowns.put(model, z), cost)
 
 
 def best_wave(model: Model, follower: Follower, target: int) -> float:

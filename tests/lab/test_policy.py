@@ -29,7 +29,7 @@ NUMERICS = {
     "design/next_experiment.py": (2, "the motions that are proposed"),
     "discrepancy/basis.py": (5, "grid of an unknown function"),
     "discrepancy/describe.py": (3, "what a curve is drawn with"),
-    "discrepancy/fit.py": (7, "steps of a minimiser"),
+    "discrepancy/fit.py": (8, "steps of a minimiser"),
     "discrepancy/residual_maps.py": (2, "resolution of what is shown"),
     "fitting/fit.py": (3, "steps of a refinement, floor and lags of a covariance"),
     "fitting/identifiability.py": (2, "what is one direction"),
