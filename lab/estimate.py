@@ -24,7 +24,7 @@ def fit(
     """Fits the free parameters of a model to all experiments together.
 
     progress: called with what is being done and the share that is done, 0 to 1.  After Ctrl-C (KeyboardInterrupt) in
-    the refinement of gears the best fit so far is returned, with ``complete`` False.  Raises ModelError where the model
+    the refinement of gears the best fit so far is returned, with ``stopped_early``.  Raises ModelError where the model
     cannot be simulated, and ExperimentError where the recordings do not go together.
     """
     method = Method.of(model, experiments)

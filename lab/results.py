@@ -82,7 +82,7 @@ class Fit(Displayed):
 
     starts: the state (n,) with which each experiment begins, none where the torque of a joint was fitted and no motion
     is simulated; correlation: (P, P) of the estimates; noise, rms: by column, its unit; substep_s: the integration step
-    that was used; complete: False when the user stopped it early.
+    that was used.
     """
 
     model: Model
@@ -93,9 +93,10 @@ class Fit(Displayed):
     noise: Mapping[str, float]
     rms: Mapping[str, float]
     substep_s: float
-    complete: bool = True
-    limit: float = policy.GOOD
-    """Times the noise, up to which an error counts as noise."""
+    complete: bool = False
+    """Whether the residual of the first column, which was fitted, is noise."""
+    stopped_early: bool = False
+    """Whether the user ended the fit."""
     held: tuple[Estimate, ...] = ()
     """Parameters that these recordings cannot determine, with the values at which they were held."""
     band_hz: float = math.inf
@@ -107,12 +108,6 @@ class Fit(Displayed):
         """The estimate of that parameter.  Raises KeyError for one that was not free."""
         found = {estimate.name: estimate for estimate in self.estimates}
         return found[name]
-
-    @property
-    def is_noise(self) -> bool:
-        """Whether the error of the first column, which was fitted, is no larger than its noise."""
-        column, rms = next(iter(self.rms.items()))
-        return rms <= self.limit * self.noise.get(column, math.nan)
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab fit --json``."""
@@ -129,8 +124,8 @@ class Fit(Displayed):
             },
             "rms": dict(self.rms),
             "noise": dict(self.noise),
-            "complete": self.is_noise,
-            "stopped_early": not self.complete,
+            "complete": self.complete,
+            "stopped_early": self.stopped_early,
             "scale": [estimate.held_document() for estimate in self.held],
             "delay_s": self.delay_s,
         }

@@ -48,7 +48,7 @@ def fit_segments(
     """Fits the free parameters of a model to all experiments together, by multiple shooting.
 
     progress: called with what is being done and the share that is done, 0 to 1.  After Ctrl-C (KeyboardInterrupt) in
-    the growing horizon or the refinement the best fit so far is returned, with ``complete`` False.
+    the growing horizon or the refinement the best fit so far is returned, with ``stopped_early``.
     """
     task = Task.of(model, experiments, noise_of(experiments))
     progress("looking for the right valley", 0.0)
@@ -59,7 +59,7 @@ def fit_segments(
         progress("refining", 0.8)
         return refined_fit(level, task)
     except KeyboardInterrupt:
-        return replace(fit_of(level, task), complete=False)
+        return replace(fit_of(level, task), stopped_early=True)
     finally:
         progress("done", 1.0)
 
@@ -84,6 +84,8 @@ def fit_of(level: Level, task: Task) -> Fit:
     covariance = _covariance(level, substep)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
+    left = rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in level.segments])
+    column = next(iter(left))
     return Fit(
         model=level.model,
         experiments=tuple(segment.experiment for segment in level.segments),
@@ -91,8 +93,9 @@ def fit_of(level: Level, task: Task) -> Fit:
         estimates=level.unknowns.estimates(level.model, level.z, deviation, policy.HALF_WIDTH),
         correlation=np.asarray(correlation),
         noise=task.noise,
-        rms=rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in level.segments]),
+        rms=left,
         substep_s=substep,
+        complete=left[column] <= policy.GOOD * task.noise[column],
     )
 
 

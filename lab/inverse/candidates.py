@@ -135,7 +135,7 @@ def fitted_with(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Re
     """
     name, model = wide
     if not isinstance(now.data, OutputError):
-        found = _fitted_from_guesses(name, softened(model, now.data.signals), now, STARTS, MOST_STEPS)
+        found = _fitted_from_guesses(name, softened(model, now.data.signals), now)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [
         _fitted_from_acceleration(name, model, now, begun.get(name)),
@@ -154,21 +154,20 @@ def fitted_by_acceleration(wide: tuple[str, Model], inverse: Regression) -> Regr
     if not _follow_motion(model):
         return None
     begun = _with_values(softened(model, inverse.data.signals), inverse.model)
-    return _fitted_from_guesses(name, begun, inverse, STARTS, MOST_STEPS)
+    return _fitted_from_guesses(name, begun, inverse)
 
 
-def _fitted_from_guesses(
-    name: str, wide: Model, now: Regression, most: int = 1, steps: int = SHORT
-) -> Regression | None:
-    """The best of at most ``most`` fits, of at most ``steps`` steps each, from the initial guesses that explain most of
-    the residual; None where there is none, or the time is up."""
+def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression | None:
+    """The best of ``STARTS`` fits from the initial guesses that explain most of the residual, or one fit of a few steps
+    where the motion is simulated; None where there is none, or the time is up."""
+    most, steps = (1, SHORT) if isinstance(now.data, OutputError) else (STARTS, MOST_STEPS)
     size = sizes_of(now.model, now.data)
     wide = _within_speeds(wide, name, size, _blurred_speed(now.data))
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, fits = now.data.suited(begin), list[Regression]()
     promising = [entry for start in begin if not is_over() and (entry := evaluated(name, start, now, data))]
-    for _, start, beside in sorted(promising, key=lambda one: -one[0])[:STARTS]:
-        if len(fits) < most and not is_over() and (fit := _tried(start, data, beside, steps)):
+    for _, start, nuisance in sorted(promising, key=lambda one: -one[0])[:STARTS]:
+        if len(fits) < most and not is_over() and (fit := _tried(start, data, nuisance, steps)):
             fits += [fit] if are_consistent(fit.model, [name]) else []
     return min(fits, key=lambda one: one.rms, default=None)
 

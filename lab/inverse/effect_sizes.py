@@ -9,12 +9,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtri, stdtr
 
 from lostmotion.lab import policy
 from lostmotion.lab.inverse.problem import InverseModel
-from lostmotion.lab.inverse.regression import Regression, blocks_of
+from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.selection.nesting import without
@@ -28,10 +27,10 @@ __all__ = ["amplitudes", "chance_of_zero", "is_sized", "shares", "uncertainty"]
 
 def uncertainty(fit: Regression) -> float:
     """The sum of log(sd/|size|) over the amplitudes of all effects of a fit."""
-    names = {name for effect in fit.model.effects for name in amplitudes(effect, fit)}
-    deviations = zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True)
-    sizes = {name: abs(fit.model.parameters[name].value) for name in names}
-    return sum(math.log(max(sd, 1e-300) / max(sizes[name], 1e-300)) for name, sd in deviations if name in names)
+    sizes = {
+        name: abs(fit.model.parameters[name].value) for effect in fit.model.effects for name in amplitudes(effect, fit)
+    }
+    return sum(math.log(max(fit.deviations[name], 1e-300) / max(size, 1e-300)) for name, size in sizes.items())
 
 
 def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
@@ -44,10 +43,8 @@ def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
     more = set(fit.model.effects) - set(fewer.effects)
     if not more or not set(fewer.effects) < set(fit.model.effects):
         return None
-    block = blocks_of(fit)
-    deviation = dict(zip(fit.unknowns.names, fit.deviations(block), strict=True))
     chances = [
-        min((2 * float(stdtr(int(block.max()), -abs(fit.model.parameters[name].value) / max(deviation[name], 1e-300)))
+        min((2 * float(stdtr(fit.freedom, -abs(fit.model.parameters[name].value) / max(fit.deviations[name], 1e-300)))
              for name in amplitudes(effect, fit)), default=1.0)
         for effect in more
     ]  # fmt: skip
@@ -67,20 +64,20 @@ def is_sized(effect: str, fit: Regression) -> bool:
     square of a over its standard deviation for this phi, and is compared with 2 F(2, n): beside a constant torque a
     small swing identifies only one of the two components of a weight.
     """
-    names, block = amplitudes(effect, fit), blocks_of(fit)
+    names = amplitudes(effect, fit)
     if not names:
-        return _is_shaped(effect, fit, block)
+        return _is_shaped(effect, fit)
     is_torque = any("N" in fit.model.parameters[name].unit for name in names)
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name and is_torque]
     phases = [name for name in fit.unknowns.names if name in _phases(effect, fit.model) and name not in given]
     many = 1 + len(phases)
-    width = math.sqrt(many * float(fdtri(many, int(block.max()), policy.CONFIDENCE)))
-    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * fit.deviations_within_bounds(block, [*given, *phases])
+    width = math.sqrt(many * float(fdtri(many, fit.freedom, policy.CONFIDENCE)))
+    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * fit.deviations_within_bounds([*given, *phases])
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 
 
-def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
+def _is_shaped(effect: str, fit: Regression) -> bool:
     """Whether an effect without fitted amplitudes has an identified parameter, or no free parameter at all.
 
     An effect with a frequency must also cover ``policy.LEAST_PERIODS`` periods in the longest recording, as a single
@@ -91,7 +88,7 @@ def _is_shaped(effect: str, fit: Regression, block: NDArray[np.intp]) -> bool:
     if any(many < policy.LEAST_PERIODS for many in swings):
         return False
     own = [at for at, name in enumerate(fit.unknowns.names) if name.startswith(f"{effect}.")]
-    deviation = np.sqrt(np.maximum(np.diag(fit.covariance(block)), 0.0))
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0))
     return not own or any(fit.unknowns.items[at].is_identified(fit.z[at], deviation[at]) for at in own)
 
 

@@ -31,17 +31,17 @@ from lostmotion.lab.inverse.likelihood import (
     WholeMotion,
     error_on,
     fit_on,
+    is_disturbed,
     is_noise,
 )
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import InverseModel
-from lostmotion.lab.inverse.regression import Regression, blocks_of, can_run
-from lostmotion.lab.inverse.search import searched
+from lostmotion.lab.inverse.regression import Regression, can_run
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
-from lostmotion.lab.selection.evidence import Candidate
-from lostmotion.lab.selection.forward import Selection, Step
+from lostmotion.lab.selection.evidence import Candidate, Predictions
+from lostmotion.lab.selection.forward import Selection, Step, selected
 from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError, build_model
@@ -73,7 +73,7 @@ def explained(
     rough = from_spectra(model, train)
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
-            channel, unseen, selection = searched(rough, train, last, method, pool, progress)
+            channel, unseen, selection = _searched(rough, train, last, method, pool, progress)
         progress("judging", 0.9)
         channel.warn(train[0].name)
         _warn_of_motor_constant(model, selection.fits[-1].model, train[0].name)
@@ -82,6 +82,35 @@ def explained(
     progress("done", 1.0)
     base, best = (channel.annotated(fit) for fit in (told.base, told.best))
     return replace(told, held=held, base=base, best=best)
+
+
+def _searched(
+    model: Model, train: Sequence[Experiment], last: Experiment, method: Method, pool: Executor, progress: Progress
+) -> tuple[Channel, Signals, Selection[Fitted]]:
+    """The channel, the signals of the last recording in it, and the search with the delay of the recordings, or that
+    without it where its effects predict better, by the test of an effect.
+
+    The delay is estimated before any effect is known, and an effect that the model lacks may look like one, such as a
+    ripple.  Where much is left, the search goes on with a whitened misfit.
+    """
+
+    def likelihood(channel: Channel, is_whitened: bool = False) -> WholeMotion:
+        *signals, unseen = (channel.signals(one, model.base != "servo", is_whitened) for one in (*train, last))
+        is_fold = len(train) < policy.ENOUGH_RECORDINGS
+        return WholeMotion(method, model, signals, unseen, is_fold, pool, is_whitened)
+
+    channel = Channel.of(train) if method is Method.TORQUE else Channel()
+    found = selected(own := likelihood(channel), progress)
+    if channel.delay_s and not is_over():
+        undelayed = replace(channel, delay_s=0.0)
+        other = selected(less := likelihood(undelayed), progress)
+        one, two = other.fits[-1].judged, found.fits[-1].judged
+        if Predictions(two.predicted**2, one.predicted**2, one.block).is_better():
+            channel, own, found = undelayed, less, other
+    if is_disturbed(found.fits[-1].inverse):
+        found = selected(own := likelihood(channel, is_whitened=True), progress, found)
+    assert own.unseen
+    return channel, own.unseen, found
 
 
 def _warn_of_motor_constant(rough: Model, fitted: Model, name: str) -> None:
@@ -187,25 +216,21 @@ def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
         names = amplitudes(one.effect, fit)
         if not names:
             continue
-        block = blocks_of(fit)
-        deviation = float(fit.deviations(block)[fit.unknowns.names.index(names[0])])
-        limit = float(-stdtrit(int(block.max()), policy.FALSE_NAME / len(step.judged)))
-        sizes[one.effect] = (names[0].removeprefix(f"{one.effect}."), limit * deviation)
+        limit = float(-stdtrit(fit.freedom, policy.FALSE_NAME / len(step.judged)))
+        sizes[one.effect] = (names[0].removeprefix(f"{one.effect}."), limit * fit.deviations[names[0]])
     return sizes
 
 
 def _estimates(fit: Regression) -> tuple[Estimate, ...]:
     """The parameters with confidence intervals that are robust to correlation of the residual within blocks."""
-    block = blocks_of(fit)
-    width = float(-stdtrit(max(int(block.max()), 1), (1 - policy.CONFIDENCE) / 2))
-    found = fit.unknowns.estimates(fit.model, fit.z, fit.deviations_within_bounds(block), width)
+    width = float(-stdtrit(max(fit.freedom, 1), (1 - policy.CONFIDENCE) / 2))
+    found = fit.unknowns.estimates(fit.model, fit.z, fit.deviations_within_bounds(), width)
     return tuple(replace(one, unit=words.of_axis(one.unit, *fit.data.axis)) for one in found)
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], *unseen: Signals) -> Fit:
     """A regression as a result, with unseen recordings in front of those of the fit."""
-    block = blocks_of(fit)
-    covariance = fit.covariance(block)
+    covariance = fit.covariance()
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-100))
     sharp = _sharp(fit.model, rough)
     model = sharp if can_run(sharp, fit.data.signals) else fit.model
@@ -221,7 +246,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], *unseen: Signal
         noise=noise,
         rms={fit.data.column: fit.error},
         substep_s=substep,
-        limit=policy.STRUCTURED,
+        complete=is_noise(fit.misfit, noise[fit.data.column]),
     )
 
 

@@ -38,8 +38,8 @@ def evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple[
     it does not change the residual."""
     if not _covers(name, start, now.data):
         return None
-    beside = _zeros(name, start, now, data)
-    column = data.residual(start, beside) - now.residual
+    nuisance = _zeros(name, start, now, data)
+    column = data.residual(start, nuisance) - now.residual
     if not np.isfinite(column).all() or column @ column <= ROUNDING**2 * (now.residual @ now.residual):
         return None
     own = projected_off(now.jacobian, column)
@@ -50,10 +50,10 @@ def evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple[
     names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
     signed = all(start.parameters[full].low < 0 for full in names)
     if names and (factor > 0 or signed):
-        start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data, beside)
+        start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data, nuisance)
     elif names:
         factor = 0.0
-    return factor**2 * power, start, beside
+    return factor**2 * power, start, nuisance
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
@@ -81,12 +81,12 @@ def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
     return [-float(own @ residual) / max(float(np.linalg.norm(own)), 1e-100) for own, residual in parts]
 
 
-def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, beside: FloatArray) -> Model:
+def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, nuisance: FloatArray) -> Model:
     """The model with the largest share of the linearly extrapolated amplitudes with which the error is smaller than
     without the effect, so that the fit can descend; sizes: the amplitudes by name."""
     for part in PARTS:
         sized = start.replace({name: start.parameters[name].clipped(part * value) for name, value in sizes.items()})
-        residual = data.residual(sized, beside)
+        residual = data.residual(sized, nuisance)
         if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
             break
     return sized

@@ -57,8 +57,8 @@ class Objective:
         """The residual (M + P,); the last one is kept, as a step is evaluated to be judged, and again for its
         derivatives."""
         if self._latest is None or not np.array_equal(self._latest[0], z):
-            own, beside = np.split(z, [len(self.unknowns.items)])
-            error = self.data.residual(self.unknowns.put(self.model, own), beside) / self.usual
+            own, nuisance = np.split(z, [len(self.unknowns.items)])
+            error = self.data.residual(self.unknowns.put(self.model, own), nuisance) / self.usual
             self._latest = z.copy(), np.concatenate([error, self.weight * (own - self.near)])
         return self._latest[1]
 

@@ -36,8 +36,8 @@ from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncert
 from lostmotion.lab.inverse.first_values import turns_of
 from lostmotion.lab.inverse.free_motion import continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.problem import InverseModel, Problem
-from lostmotion.lab.inverse.regression import Regression, blocks_of, generalised, regressed
+from lostmotion.lab.inverse.problem import InverseModel
+from lostmotion.lab.inverse.regression import Regression, generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, softened
 from lostmotion.lab.parallel import each
@@ -126,8 +126,8 @@ class WholeMotion:
 
     method: the error that is minimised; model: the model as it is; signals: the recordings of the fit; unseen: a
     recording that is not fitted and that decides between effects that predict the others equally well; is_fold: whether
-    it is also one more fold of every prediction; pool: executor for fits, if any; is_held_out: false, as folds are
-    predicted; is_whitened: whether the misfit of a torque is whitened.
+    it is also one more fold of every prediction; pool: executor for fits, if any; is_whitened: whether the misfit of a
+    torque is whitened; is_held_out: false, as folds are predicted.
     """
 
     method: Method
@@ -136,8 +136,8 @@ class WholeMotion:
     unseen: Signals | None = None
     is_fold: bool = False
     pool: Executor | None = None
-    is_held_out: bool = False
     is_whitened: bool = False
+    is_held_out = False
 
     def tries_pairs(self, added: tuple[str, ...]) -> bool:
         """Whether no motion is simulated, or no effect was added, as fits to a simulated motion take seconds."""
@@ -161,8 +161,7 @@ class WholeMotion:
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
             best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
             return Fitted(best, best)
-        data = InverseModel.of(self.signals, self.model)
-        return self._fitted(_with_load(softened(self.model, self.signals), data))
+        return self._fitted(_with_load(softened(self.model, self.signals), self.signals))
 
     def opposed(self, now: Fitted) -> Sequence[str]:
         """The effects of ``nesting.around`` for a motion that dies away; none for a motion that an input drives, which
@@ -216,13 +215,13 @@ class WholeMotion:
         if self.method is Method.MOTION:
             judged = resolved(fit.judged)
             return Fitted(judged, judged)
-        return self._fitted(_with_load(fit.model, InverseModel.of(self.signals, fit.model), fit.inverse.nuisance))
+        return self._fitted(_with_load(fit.model, self.signals, fit.inverse.nuisance))
 
     def without(self, effect: str, fit: Fitted) -> Fitted:
         """The fit of the model without one of its effects, from the present values."""
         model, data, nuisance = without(fit.model, effect), fit.inverse.data, fit.inverse.nuisance
         if not isinstance(data, OutputError):
-            return self._fitted(_with_load(model, InverseModel.of(data.signals, model, nuisance), nuisance))
+            return self._fitted(_with_load(model, self.signals, nuisance))
         if get_effect(effect).rests_by and not self.is_driven:  # the constant torque may stand for it
             model = with_free_states(model.replace({"bias": self.model.parameters["bias"]}))
         data, nuisance = data.trimmed(model, nuisance)
@@ -241,7 +240,7 @@ class WholeMotion:
         motion cannot be simulated gains nothing.
         """
         white = other.judged.data.whitened
-        block = blocks_of(other.judged)
+        block = other.judged.block
         folds = Predictions(
             _of_new(one.judged, block) * white(one.judged.predicted) ** 2,
             _of_new(other.judged, block) * white(other.judged.predicted) ** 2,
@@ -255,7 +254,7 @@ class WholeMotion:
             return replace(folds, before=np.full(folds.before.size, np.inf))
         if less is None or there is None:
             return replace(folds, after=folds.before) if there is None else folds
-        block = blocks_of(there)
+        block = there.block
         return replace(
             folds,
             before=np.concatenate([folds.before, _of_new(less, block) * there.data.whitened(less.misfit) ** 2]),
@@ -295,10 +294,10 @@ def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, Outp
     return near or begun
 
 
-def _with_load(model: Model, data: Problem, nuisance: FloatArray | None = None) -> Regression:
+def _with_load(model: Model, signals: Sequence[Signals], nuisance: FloatArray | None = None) -> Regression:
     """The fit of a model to the torque, repeated once with the transmitted torque that its first fit needs."""
-    once = regressed(model, data, nuisance)
-    return regressed(once.model, InverseModel.of(data.signals, once.model, once.nuisance), once.nuisance)
+    once = regressed(model, InverseModel.of(signals, model, nuisance), nuisance)
+    return regressed(once.model, InverseModel.of(signals, once.model, once.nuisance), once.nuisance)
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:

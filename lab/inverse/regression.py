@@ -27,7 +27,7 @@ from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["MOST_STEPS", "Regression", "blocks_of", "can_run", "generalised", "regressed"]
+__all__ = ["MOST_STEPS", "Regression", "can_run", "generalised", "regressed"]
 
 MOST_STEPS = 60
 """Largest number of steps of a fit."""
@@ -117,31 +117,43 @@ class Regression:
             there = least_squares(errors, here, jacobian, (low, high), x_scale="jac", max_nfev=REFITS, ftol=CONVERGED).x
         return self.data.misfit(*values(there))
 
-    def covariance(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
+    @cached_property
+    def block(self) -> NDArray[np.intp]:
+        """The number of the block of each sample (M,).  Blocks are about four correlation times of the residual long,
+        and there are at least ``policy.LEAST_BLOCKS``."""
+        counts = self.data.counts
+        length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in self.data.by_recording(self.residual))
+        return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))
+
+    @property
+    def freedom(self) -> int:
+        """The degrees of freedom of a test: the number of blocks less one."""
+        return int(self.block.max())
+
+    def covariance(self, given: Sequence[str] = ()) -> FloatArray:
         """Covariance of z (P, P), robust to correlation of the residual within blocks of samples (cluster-robust: Liang
-        and Zeger 1986).  block: the block of each sample (M,); given: the names of parameters that are taken as known,
-        whose rows and columns are zero."""
+        and Zeger 1986).  given: the names of parameters that are taken as known, whose rows and columns are zero."""
         known = np.isin(np.arange(self.jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
         jacobian = np.where(known, 0.0, self.jacobian)
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-100)
         scaled = jacobian / size
         inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-9, hermitian=True)
-        numbers, at = np.unique(block, return_inverse=True)
-        scores = np.zeros((numbers.size, size.size))
-        np.add.at(scores, at, scaled * self.residual[:, None])
-        spread = numbers.size / max(numbers.size - 1, 1) * (scores.T @ scores)
+        scores = np.zeros((self.freedom + 1, size.size))
+        np.add.at(scores, self.block, scaled * self.residual[:, None])
+        spread = (self.freedom + 1) / max(self.freedom, 1) * (scores.T @ scores)
         whole = (inverse @ spread @ inverse) / np.outer(size, size)
         return np.asarray(whole[: self.count, : self.count])
 
-    def deviations(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
-        """Standard deviations (P,) of the parameters in their own units; see ``covariance``."""
-        variance = np.maximum(np.diag(self.covariance(block, given)), 0.0)
-        return np.asarray(np.abs(self.unknowns.slopes(self.z)) * np.sqrt(variance))
+    @cached_property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the parameters in their own units, by name; see ``covariance``."""
+        deviations = np.abs(self.unknowns.slopes(self.z)) * np.sqrt(np.maximum(np.diag(self.covariance()), 0.0))
+        return dict(zip(self.unknowns.names, deviations.tolist(), strict=True))
 
-    def deviations_within_bounds(self, block: NDArray[np.intp], given: Sequence[str] = ()) -> FloatArray:
+    def deviations_within_bounds(self, given: Sequence[str] = ()) -> FloatArray:
         """Standard deviations of z (P,), in which a parameter that ended at a bound is given for all others."""
         bound = self.unknowns.at_bound(self.z)
-        own, inside = (np.diag(self.covariance(block, known)) for known in (given, (*given, *bound)))
+        own, inside = (np.diag(self.covariance(known)) for known in (given, (*given, *bound)))
         return np.sqrt(np.maximum(np.where(np.isin(self.unknowns.names, bound), own, inside), 0.0))
 
 
@@ -154,8 +166,8 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     where the model cannot be run with its initial values.
     """
     unknowns = scaled(Unknowns.of(model), model, data)
-    count, beside = len(unknowns.items), data.nuisance if nuisance is None else nuisance
-    z = np.clip(np.concatenate([unknowns.z(model), beside]), *_bounds(unknowns, data))
+    count, nuisance = len(unknowns.items), data.nuisance if nuisance is None else nuisance
+    z = np.clip(np.concatenate([unknowns.z(model), nuisance]), *_bounds(unknowns, data))
     first = z[:count]
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
@@ -257,11 +269,3 @@ def _unnoticed(fit: Regression, z: FloatArray, unidentified: NDArray[np.bool_]) 
         noticed = max(float(np.linalg.norm(twice - once)), 1e-300)
         found[at] = z[at] + math.log(max(fit.rms, 1e-300) / noticed)
     return found
-
-
-def blocks_of(regression: Regression) -> NDArray[np.intp]:
-    """The number of the block of each sample (M,).  Blocks are about four correlation times of the residual long, and
-    there are at least ``policy.LEAST_BLOCKS``."""
-    counts, parts = regression.data.counts, regression.data.by_recording(regression.residual)
-    length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in parts)
-    return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))

@@ -100,7 +100,7 @@ def of_finding(finding: Finding) -> tuple[str, ...]:
 
 def of_fit(fit: Fit) -> tuple[str, ...]:
     """Sentences on the error in each column, and on parameters that are not identifiable."""
-    sentences = [] if fit.complete else ["The fit was stopped early: these are the best figures until then."]
+    sentences = ["The fit was stopped early: these are the best figures until then."] if fit.stopped_early else []
     for column, rms in fit.rms.items():
         what, si = words.column(column, *axis_of(fit.experiments))
         (error, noise), unit = quantities(si, rms, fit.noise.get(column, math.nan))

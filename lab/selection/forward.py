@@ -185,8 +185,7 @@ def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequen
 def _ranked(
     fits: Sequence[tuple[str, F]], rejected: Sequence[str], now: F, likelihood: Likelihood[F]
 ) -> Step[F]:  # fmt: skip
-    """The candidates, best first; of those that explain the data equally well the simplest, then the one that predicts
-    all unseen samples best."""
+    """The candidates, best first; of those that explain the data equally well the one that is ``named``."""
     prior = prior_odds([*(effect for effect, _ in fits), *rejected], now.model.effects)
     tried = sum(prior.values())
     counts = in_turn(fits) if likelihood.is_held_out else {name: tried / odds for name, odds in prior.items()}

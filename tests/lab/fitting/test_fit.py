@@ -63,7 +63,7 @@ def test_gears(pool: Executor) -> None:
     reported: list[tuple[str, float]] = []
     held = experiments(model, [gears(0, 1.4), gears(1, 1.4)])
     found = fit(model, held, pool, lambda what, part: reported.append((what, part)))
-    assert found.complete
+    assert not found.stopped_early
     for name in ("d", "l", "k"):
         assert values(found)[name] == pytest.approx(TRUE[name], rel=0.01)
     assert values(found)["b"] == pytest.approx(TRUE["b"], rel=0.05)
@@ -105,7 +105,7 @@ def test_ctrl_c_leaves_the_best_so_far(at: str, pool: Executor) -> None:
 
     model = build_model("play", values={**TRUE, "d": 7.6e-5})
     found = fit(model, experiments(model, [gears(0, 1.0)]), pool, interrupt)
-    assert not found.complete
+    assert found.stopped_early
     assert found.document()["stopped_early"] is True
     assert values(found)["d"] == pytest.approx(TRUE["d"], rel=0.1)
     assert found.rms["accel"] < 3 * NOISE

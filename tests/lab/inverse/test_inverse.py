@@ -20,7 +20,7 @@ from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.problem import InverseModel
-from lostmotion.lab.inverse.regression import blocks_of, regressed
+from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.models import modelfile
@@ -121,7 +121,7 @@ def test_intervals_hold_the_truth() -> None:
         (one,) = experiments(model, [robot(seed, length=LONG)])
         data = InverseModel.of([Signals.of(one)], model)
         fit = regressed(softened(model, data.signals), data)
-        deviations = dict(zip(fit.unknowns.names, fit.deviations(blocks_of(fit)), strict=True))
+        deviations = fit.deviations
         values = {name: fit.model.parameters[name].value for name in truth}
         off += [abs(values[name] - true) / deviations[name] for name, true in truth.items()]
         sizes.append([values[name] / true for name, true in truth.items()])

@@ -78,7 +78,7 @@ def test_verdict_of_a_fit() -> None:
         "The error in acceleration is 0.41 m/s²; the noise is 0.40.",
         "Not identifiable from these recordings: alpha.",
     )
-    assert "stopped early" in verdict.of_fit(replace(fitted, complete=False))[0]
+    assert "stopped early" in verdict.of_fit(replace(fitted, stopped_early=True))[0]
 
 
 def test_verdict_of_a_comparison() -> None:
