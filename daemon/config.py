@@ -137,19 +137,23 @@ def load(path: Path, *, joints: bool = True) -> Config:
     return loads(text, str(path), joints=joints)
 
 
-def default() -> Config:
-    """The built-in configuration: a simulated robot, its database in the user's state folder."""
-    return load(Path(__file__).parent / "simulated.toml")
+def default(*, runs: bool = True) -> Config:
+    """The built-in configuration: a simulated robot, its database in the user's state folder.
+
+    runs: whether that robot is to run, for which a small installation has no packages.  Raises ConfigError.
+    """
+    path = Path(__file__).parent / "simulated.toml"
+    return loads(read_text(path), str(path), runs=runs)
 
 
-def loads(text: str, where: str, *, joints: bool = True) -> Config:
-    """Checks a configuration given as text; ``where`` names it in messages; joints as of ``load``.  Raises
-    ConfigError."""
+def loads(text: str, where: str, *, joints: bool = True, runs: bool = True) -> Config:
+    """Checks a configuration given as text; ``where`` names it in messages; joints as of ``load``, runs as of
+    ``default``.  Raises ConfigError."""
     try:
         tables = toml_text.loads(text)
         bounds.check(tables, "", _path)
         config = _decode(tables, joints)
-        crosscheck.check(config)
+        crosscheck.check(config, runs)
         return replace(config, notes=config_notes.notes(config))
     except (toml_text.TomlError, LostmotionError) as error:
         raise ConfigError(f"{where}: {shortened(error)}") from error

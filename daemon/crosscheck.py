@@ -49,14 +49,16 @@ class CrossCheckError(LostmotionError):
     """Two tables of the configuration contradict each other, or a value is outside its range."""
 
 
-def check(config: Config) -> None:
-    """Raises CrossCheckError at the first contradiction."""
+def check(config: Config, runs: bool) -> None:
+    """Raises CrossCheckError at the first contradiction, DriverError for a robot that cannot run where it is to."""
     _packages(config)
     _names(config)
     _ranges(config)
     _limits(config)
     _one_time(config)
     _ports(config)
+    if runs:
+        _robots(config)
     _drivers_agree(config)
     _addresses(config)
     _can(config)
@@ -286,11 +288,15 @@ def _can(config: Config) -> None:
         raise CrossCheckError(f"alarm.can: found {len(config.joints)} joints, expected at most {MOST_CAN_JOINTS}")
 
 
-def _drivers_agree(config: Config) -> None:
-    """Lets the drivers look at their own options; a virtual robot's devices are costly to make and check at start."""
+def _robots(config: Config) -> None:
+    """Lets the drivers look at the options of their robots."""
     for driver in config.drivers.values():
         if driver.check:
             driver.check(config.robots[driver.name])
+
+
+def _drivers_agree(config: Config) -> None:
+    """Lets the drivers look at their own options; a virtual robot's devices are costly to make and check at start."""
     for joints in config.buses():
         driver = config.drivers[joints[0].driver]
         if driver.servo and not driver.waits:

@@ -107,6 +107,26 @@ def test_what_is_missing_is_told_with_the_line_that_installs_it(
     assert done.stderr.endswith(f"{sys.executable} -m pip install {packages}\n")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("status",), "no database there"),
+        (("alarms",), "no database there"),
+        (("fleet", "status", "--connect", "tcp/127.0.0.1:1"), "nobody answers there"),
+    ],
+)
+def test_who_only_reads_needs_no_simulated_robot(
+    arguments: tuple[str, ...], expected: str, light: dict[str, str], tmp_path: Path
+) -> None:
+    """Without a configuration the database of the built-in one is read, or none, as its robot is not to run."""
+    environment = light | {"HOME": str(tmp_path), "XDG_STATE_HOME": ""}
+    done = subprocess.run(
+        command(*arguments), cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2
+    assert expected in done.stderr
+
+
 def test_a_sink_without_its_package_is_refused(light: dict[str, str], tmp_path: Path) -> None:
     """[alarm.zenoh] on a computer without Zenoh: config check says what to install."""
     packages = tmp_path / "packages"

@@ -86,7 +86,7 @@ class Site:
 
 @lru_cache(maxsize=1)
 def _built_in() -> Config:
-    return default()
+    return default(runs=False)
 
 
 @lru_cache(maxsize=4)

@@ -26,7 +26,7 @@ __all__ = ["doctor"]
 
 def doctor(given: Path | None, as_json: bool) -> int:
     """Prints all checks, and the notes on the configuration; 1 when a check is bad.  Raises ConfigError."""
-    config = find_config(given)
+    config = find_config(given, runs=True)
     sys.stderr.write(f"measuring for about {PASS_S:g} s ...\n")
     clocks = ClockPair()
     checks = check_devices(config)

@@ -18,11 +18,12 @@ class UnknownJointError(LostmotionError):
     """The database holds no such joint."""
 
 
-def find_config(given: Path | None) -> Config:
-    """The configuration that was given, else the service's, else the built-in one.  Raises ConfigError."""
+def find_config(given: Path | None, *, runs: bool = False) -> Config:
+    """The configuration that was given, else the service's, else the built-in one; runs: whether the robot of that one
+    is to run.  Raises ConfigError."""
     if given or ETC.exists():
         return configuration.load(given or ETC)
-    return configuration.default()
+    return configuration.default(runs=runs)
 
 
 def find_database(config: Path | None, database: Path | None) -> Path:
