@@ -18,8 +18,9 @@ __all__ = ["is_of_motor", "of_voltage", "supplied"]
 FOLLOWS = 0.85
 """Share of the squared voltage that a line through zero takes, above which it is the motor's.  Of 12 recordings of a
 servo the least is 0.989; a supply hardly follows the error, and none of 80 fell below 0.9 of its largest value."""
-SUPPLIES = 0.5
-"""Share of its largest value below which no supply falls (see above); a motor's voltage stands at zero sometimes."""
+SUPPLIES = 0.7
+"""Share of its largest value below which no supply falls (see above).  A motor's voltage stands at zero sometimes, but
+one that is switched about an operating point falls to 0.54 of its largest value only; 0.7 is between 0.54 and 0.9."""
 INSIDE = 0.9
 """Share of the largest voltage: readings below are not at the limit of the duty."""
 AT_END = 1.15
@@ -33,7 +34,7 @@ def is_of_motor(voltage: FloatArray) -> bool:
 
 def supplied(recording: Recording) -> tuple[str, str]:
     """Why a voltage is not taken for the motor's, for a message, and the series that it was, "SERIES" where unknown."""
-    why = ", which is never below half of its largest value, as that of a supply"
+    why = f", which is never below {SUPPLIES} of its largest value, as that of a supply"
     return why, str(recording.metadata.get("imported", {}).get("voltage", "SERIES"))
 
 

@@ -250,11 +250,14 @@ def test_a_voltage_that_differs_between_recordings_is_the_motors() -> None:
 
 
 def test_the_voltage_of_a_motor_is_taken_for_its_torque(caplog: pytest.LogCaptureFixture) -> None:
-    """A motor's stands at zero sometimes; a supply, which falls by a fifth, drives nothing."""
+    """A motor's stands at zero sometimes, or is switched about an operating point; a supply, which falls by a fifth,
+    drives nothing."""
     (driven,) = held("joint", recording(position=ACCEL, voltage=np.maximum(COMMAND, 0.0)))
     assert isinstance(driven.drive, Sampled)
     assert driven.drive_unit == "V"
     assert "the motor's voltage is taken for it" in caplog.text
+    (switched,) = held("joint", recording(position=ACCEL, voltage=2.1 + 0.6 * np.sign(ACCEL)))  # about 2.1 V
+    assert switched.drive_unit == "V"
     bare = recording(position=ACCEL, voltage=11.0 + np.sign(ACCEL))
     (free,) = held("joint", replace(bare, metadata={"imported": {"voltage": "u"}}))
     assert free.drive is None
