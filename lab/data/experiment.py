@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data import readings
+from lostmotion.lab.data.frequency_response import turned
 from lostmotion.lab.data.stand_ins import LENGTHS, is_sampled, with_stand_ins
 from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
@@ -149,7 +150,7 @@ def own_rows(values: FloatArray) -> NDArray[np.intp] | None:
 def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:
     """The recordings prepared for the base of a model.  Raises ExperimentError for one that cannot be used."""
     of_motor = is_of_motor(np.concatenate([_readings(one, "voltage") for one in recordings] or [np.empty(0)]))
-    return tuple(_experiment(model, recording, of_motor) for recording in recordings)
+    return turned(model, [_experiment(model, recording, of_motor) for recording in recordings])
 
 
 def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:

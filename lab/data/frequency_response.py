@@ -7,19 +7,24 @@ in the frequency domain gives initial values for all fits.  Nothing is simulated
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.series import rms
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["from_spectra", "spectral_lines", "usual_torque"]
+if TYPE_CHECKING:
+    from lostmotion.lab.data.experiment import Experiment
+
+__all__ = ["from_spectra", "spectral_lines", "turned", "usual_torque"]
 
 Spectrum = NDArray[np.complex128]
+Band = tuple[float, float]
 ORDER: Mapping[str, Mapping[str, int]] = {
     "oscillator": {"m": 2, "b": 1, "k": 0},
     "joint": {"J": 2, "viscous_friction.b_v": 1},
@@ -32,6 +37,38 @@ BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (
 CLEAR = 300.0
 """Ratio of the power to that at the highest frequencies, which is noise, above which a bin is used."""
 LEAST_BINS = 6
+WHOLE: Band = (0.0, np.inf)
+BESIDE_LINE = 1.3
+"""A mode is estimated up to this factor below and above the strongest line in the spectrum of the output."""
+log = logging.getLogger(__name__)
+
+
+def turned(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """The experiments of an oscillator; those with a force that is counted against the motion have one of the opposite
+    sign, and a warning reports this.
+
+    Mass, damping and stiffness of the strongest mode are then all negative, in each of the recordings.  Two sensors
+    have their own positive directions, and the tip of a flexible arm moves against the torque in every second mode.
+    """
+    driven = [one for one in experiments if one.drive is not None and model.base == "oscillator"]
+    signs = [_sign(model, one) for one in driven]
+    if not signs or any(sign != -1.0 for sign in signs):
+        return tuple(experiments)
+    log.warning("%s: the force is counted against the motion; it is turned round", driven[0].name)
+    return tuple(one.with_reversed_input() if one in driven else one for one in experiments)
+
+
+def _sign(model: Model, experiment: Experiment) -> float:
+    """The sign that mass, damping and stiffness have in common by the strongest mode of a recording, 0 where they have
+    none."""
+    column, _ = _output(model, [experiment])
+    line = spectral_lines(experiment.measured[column], experiment.rate_hz)[:1] if column else ()
+    if not line:
+        return 0.0
+    orders = ORDER[model.base]
+    found = _estimates(model, [experiment], orders, list(orders), (line[0] / BESIDE_LINE, line[0] * BESIDE_LINE))
+    signs = {float(np.sign(value)) for value in found.values()}
+    return signs.pop() if len(signs) == 1 else 0.0
 
 
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
@@ -41,13 +78,27 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
     Unchanged where input or output was not recorded, or where the estimates are not physical.
     """
     orders = {name: order for name, order in ORDER.get(model.base, {}).items() if name in model.parameters}
-    outputs = OUTPUTS.get(model.base, {})
-    column = next((name for name in outputs if any(name in e.measured for e in experiments)), "")
-    usable = [e for e in experiments if e.drive is not None and column in e.measured]
     wanted = [name for name in orders if not model.parameters[name].fixed]
-    if not usable or not wanted:
+    column, usable = _output(model, experiments)
+    if not column or not wanted:
         return model
-    blocks = [_spectra(e, column, outputs[column], BESIDE.get(model.base, ())) for e in usable]
+    values = _estimates(model, usable, orders, wanted)
+    return model.replace({name: value for name, value in values.items() if value > 0})
+
+
+def _output(model: Model, experiments: Sequence[Experiment]) -> tuple[str, list[Experiment]]:
+    """The most direct column of the output, "" for none, and the experiments that have it and an input."""
+    found = [name for name in OUTPUTS.get(model.base, {}) if any(name in one.measured for one in experiments)]
+    usable = [one for one in experiments if found and one.drive is not None and found[0] in one.measured]
+    return (found[0], usable) if usable else ("", [])
+
+
+def _estimates(
+    model: Model, usable: Sequence[Experiment], orders: Mapping[str, int], wanted: Sequence[str], band: Band = WHOLE
+) -> dict[str, float]:
+    """The parameters that are ``wanted``, by least squares in a band; {} where it has too few bins."""
+    column, outputs = _output(model, usable)[0], OUTPUTS[model.base]
+    blocks = [_spectra(one, column, outputs[column], BESIDE.get(model.base, ()), band) for one in usable]
     force, *motion = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     derivatives, beside = motion[:3], motion[3:]
     known = sum(
@@ -55,18 +106,17 @@ def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:
     )
     A, y = np.stack([*(derivatives[orders[name]] for name in wanted), *beside], axis=1), force - known
     if y.size < LEAST_BINS:
-        return model
-    size = np.linalg.norm(A, axis=0)
+        return {}
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = np.linalg.lstsq(np.vstack([A.real, A.imag]) / size, np.concatenate([y.real, y.imag]))[0] / size
-    values = dict(zip(wanted, found[: len(wanted)].tolist(), strict=True))
-    return model.replace({name: value for name, value in values.items() if value > 0})
+    return dict(zip(wanted, found[: len(wanted)].tolist(), strict=True))
 
 
 def _spectra(
-    experiment: Experiment, column: str, order: int, functions: Sequence[Callable[[FloatArray], FloatArray]]
+    experiment: Experiment, column: str, order: int, functions: Sequence[Callable[[FloatArray], FloatArray]], band: Band
 ) -> list[Spectrum]:
-    """The spectra, at the frequencies at which the output exceeds its noise, of the force's derivative of this order;
-    of the output, its first and its second derivative; and of functions of the output.
+    """The spectra, at the frequencies of a band [Hz] at which the output exceeds its noise, of the force's derivative
+    of this order; of the output, its first and its second derivative; and of functions of the output.
 
     All use the same taper w, which is zero at both ends together with its slope, so that integration by parts is exact:
     int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
@@ -91,6 +141,7 @@ def _spectra(
     power = np.abs(motion[0]) ** 2
     clear = power > CLEAR * float(np.median(power[3 * power.size // 4 :]))
     clear[:2] = False  # the main lobe of the taper, where a constant force shows
+    clear &= (band[0] * 2 * np.pi <= s.imag) & (s.imag <= band[1] * 2 * np.pi)
     return [spectrum[clear] for spectrum in (derivatives(force)[order], *motion, *others)]
 
 

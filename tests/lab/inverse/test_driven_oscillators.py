@@ -59,6 +59,20 @@ def test_motion_from_rest_is_followed_to_its_noise() -> None:
         assert estimate.value == pytest.approx(value, rel=2e-3)
 
 
+def test_a_force_that_is_counted_against_the_motion_is_turned_round(caplog: pytest.LogCaptureFixture) -> None:
+    """As two sensors have their own positive directions: the fit is the same, and a warning says so."""
+    for seed in (404, 409):
+        case, model = Case("oscillator", "none", seed), build_model("oscillator")
+        recordings = case.recordings()[:2]
+        against = [replace(one, columns={**one.columns, "force": -one.columns["force"]}) for one in recordings]
+        caplog.clear()
+        one, other = experiments(model, recordings), experiments(model, against)
+        assert caplog.text.count("the force is counted against the motion; it is turned round") == 1
+        fits = [fitted(model, held, Method.MOTION, noise_of(held)) for held in (one, other)]
+        masses = [next(each.value for each in fit.estimates if each.name == "m") for fit in fits]
+        assert masses[1] == pytest.approx(masses[0], rel=1e-6)
+
+
 def test_accelerometer_leaves_a_constant_force_alone() -> None:
     """A constant force only shifts the place of rest, which an accelerometer does not feel: it is held.  Of a
     displacement it is estimated."""
