@@ -116,6 +116,8 @@ def _score(rows: Rows) -> int:
 
 def _separated(lines: list[str], separator: str, comma: bool) -> Rows:
     cells = [cells_of(line, separator) for line in lines]
+    used = max((at for row in cells for at, cell in enumerate(row, start=1) if cell.strip()), default=1)
+    cells = [row[:used] for row in cells]  # a separator at the end of every line makes no column
     body = cells[len(cells) // 2 :] or cells
     counts = Counter(len(row) for row in body)
     width = max(counts, key=lambda each: (counts[each], each))

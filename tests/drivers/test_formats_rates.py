@@ -81,12 +81,13 @@ def test_a_speed_and_a_torque_are_no_position() -> None:
 
 
 def test_numbers_in_a_column_alone_need_a_rate(tmp_path: Path) -> None:
-    """No header and no times: the one option that is missing is told."""
+    """No header and no times: the one option that is missing is told, also where every line ends with a tab."""
     path = tmp_path / "data0000.txt"
-    path.write_text(rows(0.03 * np.cos(8 * T), sign=","))
-    assert refused(path).endswith(
-        "found column1, and no times; give the rows a second, if there are 100: FILE#rate-hz=100"
-    )
+    for end in ("\n", "\t\n"):
+        path.write_text(rows(0.03 * np.cos(8 * T), sign=",").replace("\n", end))
+        assert refused(path).endswith(
+            "found column1, and no times; give the rows a second, if there are 100: FILE#rate-hz=100"
+        )
     assert read(path, rate_hz=200).recording.time[-1] == pytest.approx(599 / 200)
 
 
