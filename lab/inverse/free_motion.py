@@ -8,19 +8,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.inverse.candidates import refined
+from lostmotion.lab.inverse.candidates import HORIZONS, not_vanished, refined
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
-from lostmotion.lab.shooting.parameters import free_names
 from lostmotion.model import Model
 
 __all__ = ["continued", "resolved"]
-
-HORIZONS = (0.2, 0.5)
-"""Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
-and a fit to the whole would end in a local minimum."""
-VANISHED = 1e-3
-"""Share of its initial value below which a parameter counts as zero."""
 
 
 def continued(model: Model, swings: OutputError) -> Regression:
@@ -31,7 +24,7 @@ def continued(model: Model, swings: OutputError) -> Regression:
     """
     start = model
     for share in HORIZONS:
-        model = _not_vanished(regressed(model, swings.first(share)).model, start)
+        model = not_vanished(regressed(model, swings.first(share)).model, start)
     found = regressed(model, swings)
     if found.rms <= swings.signal_rms(model):
         return found
@@ -45,12 +38,3 @@ def resolved(fit: Regression) -> Regression:
         return fit
     data = fit.data.resolved(fit.model, fit.nuisance)
     return fit if data is fit.data else refined(replace(fit, data=data))
-
-
-def _not_vanished(model: Model, start: Model) -> Model:
-    """The model with the initial values of those parameters that a short horizon took to zero, as a later fit would not
-    leave zero."""
-    first = {name: start.parameters[name].value for name in free_names(start)}
-    return model.replace(
-        {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}
-    )

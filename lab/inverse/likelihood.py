@@ -160,6 +160,7 @@ class WholeMotion:
             fit = regressed if self.is_driven else continued
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
             best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
+            best = refined(best) if self.is_driven else best
             return Fitted(best, best)
         return self._fitted(_with_load(softened(self.model, self.signals), self.signals))
 

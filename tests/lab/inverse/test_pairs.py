@@ -81,3 +81,21 @@ def test_a_pendulum_that_falls_from_the_upright_has_its_weight(tmp_path: Path) -
     answer = explained(tmp_path, 'base = "joint"', [Recording(times, {"position": angle}, {}, {}, 0, "fall.csv")])
     assert set(answer["missing"]) == {"gravity_torque", "viscous_friction"}
     assert answer["error"]["after"] < 2 * 3e-3
+
+
+def test_coarse_steps_of_an_encoder_hide_no_friction(tmp_path: Path) -> None:
+    """A pendulum swings by 100 degrees, so that its period depends on its amplitude, and the encoder has steps of 0.01
+    rad.  Coulomb friction and drag damp as viscous friction does, which is named first.  A fit with the pair begins in
+    the initial state of that fit, and on a growing horizon: the swing from the measured state is soon out of phase."""
+    times = np.arange(0.0, 24.0, 0.01)
+    friction, drag, viscous = 0.35, 7e-3, 0.04
+
+    def moved(t: float, x: np.ndarray) -> list[float]:
+        lost = viscous * x[1] + friction * math.tanh(x[1] / 5e-3) + drag * x[1] * abs(x[1])
+        return [x[1], -83.3 * math.sin(x[0]) - lost]
+
+    angle = solve_ivp(moved, (0.0, 24.0), [1.7, -2.0], "LSODA", times, rtol=1e-8, atol=1e-10).y[0]
+    swing = Recording(times, {"position": np.round(angle / 0.01) * 0.01}, {}, {}, 0, "swing.csv")
+    answer = explained(tmp_path, 'base = "joint"\neffects = ["gravity_torque"]', [swing])
+    assert set(answer["missing"]) >= {"coulomb_friction", "quadratic_damping"}
+    assert answer["error"]["after"] < 1.2 * 0.01 / math.sqrt(12)
