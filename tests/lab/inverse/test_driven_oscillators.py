@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 from bench.driven_motions import Case
 from bench.driven_systems import Bar
+from scipy.signal import TransferFunction, lsim
 
+from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments, explain
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.fitting.identifiability import with_scale
+from lostmotion.lab.inverse.candidates import refined
+from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
-from lostmotion.lab.inverse.likelihood import Method
+from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.model import build_model
 
 
@@ -71,6 +76,33 @@ def test_a_force_that_is_counted_against_the_motion_is_turned_round(caplog: pyte
         fits = [fitted(model, held, Method.MOTION, noise_of(held)) for held in (one, other)]
         masses = [next(each.value for each in fit.estimates if each.name == "m") for fit in fits]
         assert masses[1] == pytest.approx(masses[0], rel=1e-6)
+
+
+def flexible_arm(seed: int) -> Recording:
+    """The hand of an arm that a torque of many tones bends, by its modes (transfer functions); the strongest one moves
+    against the torque."""
+    rng, times = np.random.default_rng(seed), np.arange(0.0, 16.0, 5e-3)
+    tones = np.arange(1, 125) / 5
+    torque = 0.02 * np.cos(2 * np.pi * tones * times[:, None] + rng.uniform(0, 2 * np.pi, tones.size)).sum(axis=1)
+    hand = 0.003 * rng.standard_normal(times.size)
+    for gain, hertz, ratio in ((703.0, 7.28, 0.0026), (-2508.0, 15.85, 0.0032), (3000.0, 42.0, 0.003)):
+        w = 2 * np.pi * hertz
+        hand += lsim(TransferFunction([gain], [1.0, 2 * ratio * w, w**2]), torque, times)[1]
+    late = times >= 10.0
+    return Recording(times[late], {"force": torque[late], "displacement": hand[late]}, {}, {}, 0, f"arm{seed}.csv")
+
+
+def test_a_bar_with_more_modes_is_fitted_to_the_end() -> None:
+    """A fit that ended before would make every effect look needed: no further step lowers the error of the model as it
+    is, which follows the strongest mode."""
+    model = build_model("oscillator")
+    held = experiments(model, [flexible_arm(1), flexible_arm(2)])
+    model, _ = with_scale(model, held)
+    signals = [Channel().signals(one) for one in held]
+    first = WholeMotion(Method.MOTION, from_spectra(model, held), signals).first
+    assert refined(first.judged).rms > 0.999 * first.rms
+    values = {name: first.model.parameters[name].value for name in ("m", "k")}
+    assert np.sqrt(values["k"] / values["m"]) / (2 * np.pi) == pytest.approx(15.85, rel=0.01)
 
 
 def test_accelerometer_leaves_a_constant_force_alone() -> None:
