@@ -12,7 +12,7 @@ from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import IntArray, Plan
 from lostmotion.model.solve import solve
 
-__all__ = ["Run", "run_beside"]
+__all__ = ["Run", "run_beside", "run_each"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,14 +33,29 @@ class Run:
     def __call__(self, starts: FloatArray, substep_s: float) -> FloatArray:
         return run_beside([self], starts, substep_s)
 
-    def goes_beside(self, other: Run) -> bool:
+    def goes_beside(self, other: Run | None) -> bool:
         """Whether another run has the same terms, input and times."""
+        if other is None:
+            return False
         own, its = self.pieces, other.pieces
         is_same_input = own is its or (
             np.array_equal(own.knots, its.knots) and np.array_equal(own.coefficients, its.coefficients)
         )
         is_same_time = self.origin == other.origin and np.array_equal(self.grid, other.grid)
         return self.plan.addresses is other.plan.addresses and is_same_input and is_same_time
+
+
+def run_each(runs: Sequence[Run | None], starts: FloatArray, substep_s: float) -> list[FloatArray | None]:
+    """The outputs (outputs, N) of each run from its state, starts (K, n); None stays None.  Runs that go beside each
+    other are computed together."""
+    found: list[FloatArray | None] = [None] * len(runs)
+    left = [i for i, run in enumerate(runs) if run is not None]
+    while left:
+        beside = {i: run for i in left if (run := runs[i]) is not None and run.goes_beside(runs[left[0]])}
+        for i, out in zip(beside, run_beside([*beside.values()], starts[[*beside]], substep_s), strict=True):
+            found[i] = out
+        left = [i for i in left if i not in beside]
+    return found
 
 
 def run_beside(runs: Sequence[Run], starts: FloatArray, substep_s: float) -> FloatArray:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,10 +58,15 @@ class Objective:
         """The residual (M + P,); the last one is kept, as a step is evaluated to be judged, and again for its
         derivatives."""
         if self._latest is None or not np.array_equal(self._latest[0], z):
-            own, nuisance = np.split(z, [len(self.unknowns.items)])
-            error = self.data.residual(self.unknowns.put(self.model, own), nuisance) / self.usual
-            self._latest = z.copy(), np.concatenate([error, self.weight * (own - self.near)])
+            self._latest = z.copy(), self._residuals([z])[0]
         return self._latest[1]
+
+    def _residuals(self, every: Sequence[FloatArray]) -> FloatArray:
+        """The residuals (K, M + P) at several z (P + E,)."""
+        count = len(self.unknowns.items)
+        points = [(self.unknowns.put(self.model, z[:count]), z[count:]) for z in every]
+        pulls = [self.weight * (z[:count] - self.near) for z in every]
+        return np.hstack([self.data.residuals(points) / self.usual, pulls])
 
     def jacobian(self, z: FloatArray) -> FloatArray:
         """The Jacobian (M + P, P + E), by forward differences, or backward ones at the upper bound.
@@ -69,21 +75,22 @@ class Objective:
         Raises FitEndsError when the time is up, or where the motion cannot be simulated beside z, if the Jacobian was
         known before; else ModelError.
         """
-        here, data, recordings = self.residual(z), self.data, len(self.data.signals)
-        count, found = len(self.unknowns.items), np.zeros((here.size, z.size))
-        parts = data.by_recording(np.arange(sum(data.counts)))
-        for at in range(count):
-            if self.known and is_over():
-                raise FitEndsError
-            step = STEP * max(1.0, abs(z[at]))
-            step = -step if z[at] + step > self.high[at] else step
-            found[:, at] = (self.residual(z + step * (np.arange(z.size) == at)) - here) / step
+        if self.known and is_over():
+            raise FitEndsError
+        data, count, recordings = self.data, len(self.unknowns.items), len(self.data.signals)
         each = (z.size - count) // recordings
-        for k in range(each):
-            mine = count + k + each * np.arange(recordings)
-            step = STEP * max(1.0, float(np.abs(z[mine]).max()))
-            change = (self.residual(z + step * np.isin(np.arange(z.size), mine)) - here) / step
-            for rows, column in zip(parts, mine, strict=True):
+        columns = [np.array([at]) for at in range(count)]
+        columns += [count + k + each * np.arange(recordings) for k in range(each)]
+        steps = [STEP * max(1.0, float(np.abs(z[at]).max())) for at in columns]
+        steps[:count] = [-h if x + h > high else h for h, x, high in zip(steps, z[:count], self.high, strict=False)]
+        moved = [z + step * np.isin(np.arange(z.size), at) for step, at in zip(steps, columns, strict=True)]
+        here, *others = self._residuals([z, *moved])
+        with np.errstate(invalid="ignore"):  # of a motion that cannot be simulated
+            changes = [(there - here) / step for there, step in zip(others, steps, strict=True)]
+        found, parts = np.zeros((here.size, z.size)), data.by_recording(np.arange(sum(data.counts)))
+        found[:, :count] = np.transpose(changes[:count]) if count else 0.0
+        for at, change in zip(columns[count:], changes[count:], strict=True):
+            for rows, column in zip(parts, at, strict=True):
                 found[rows, column] = change[rows]
         if np.isfinite(found).all():
             self.known = z.copy(), here, found

@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import compress
 from typing import Self
 
@@ -25,13 +25,14 @@ from lostmotion.lab.data.clipping import RANGE
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.fitting.identifiability import free_states
-from lostmotion.lab.inverse.problem import Problem
+from lostmotion.lab.inverse.problem import Point, Problem
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.motion import FloatArray
+from lostmotion.model.run import run_each
 
 __all__ = ["OutputError", "offset_of"]
 
@@ -137,31 +138,54 @@ class OutputError(Problem):
 
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²]."""
-        return np.concatenate([left for left, _ in self._compared(model, nuisance)])
+        return self.residual(model, nuisance)
+
+    def residuals(self, points: Sequence[Point]) -> FloatArray:
+        """The misfits (K, M) of several models, each with its nuisance parameters."""
+        return np.concatenate([left for left, _ in self._compared(points)], axis=1)
 
     def zeros(self, model: Model, nuisance: FloatArray) -> list[float]:
         """What the sensor of each recording reads where the motion of the model is zero [rad, m or m/s²]."""
-        return [zero for _, zero in self._compared(model, nuisance)]
+        return [zero for _, (zero,) in self._compared([(model, nuisance)])]
 
-    def _compared(self, model: Model, nuisance: FloatArray) -> Iterator[tuple[FloatArray, float]]:
-        """Measured less simulated motion (M_i,), and the zero of the sensor, for each recording.
+    def _compared(self, points: Sequence[Point]) -> Iterator[tuple[FloatArray, list[float]]]:
+        """Measured less simulated motion (K, M_i), and the zeros of the sensor (K,), for each recording.
 
         The zero is that for which the residual's mean is zero (variable projection).  What a sensor cuts off is the
         motion with the zero.
         """
-        limit = model.own(RANGE)["a_max"].value if RANGE in model.effects else np.inf
-        model = without(model, RANGE) if RANGE in model.effects else model
-        for at, (one, start) in enumerate(zip(self.signals, self.starts(nuisance), strict=True)):
-            experiment, measured = one.experiment, one.experiment.measured[one.column]
-            own, seen = experiment.model(model), ~np.isnan(measured)
-            try:
-                state = initial_state(own, experiment, start, self.free)
-                motion = own.simulate(experiment.drive, experiment.time, state, **self._step)[one.column][seen]
-            except ModelError:
-                motion = np.full(int(seen.sum()), np.inf)
-            has_zero = self._has_zero(at) and np.isfinite(motion).all()
-            zero = offset_of(measured[seen], motion, limit) if has_zero else 0.0
-            yield measured[seen] - np.clip(motion + zero, -limit, limit), zero
+        limits = [model.own(RANGE)["a_max"].value if RANGE in model.effects else np.inf for model, _ in points]
+        models = [without(model, RANGE) if RANGE in model.effects else model for model, _ in points]
+        starts = [self.starts(nuisance) for _, nuisance in points]
+        for at, one in enumerate(self.signals):
+            measured = one.experiment.measured[one.column]
+            seen = ~np.isnan(measured)
+            motions, zeros = self._motions(models, one, [rows[at] for rows in starts])[:, seen], []
+            for motion, limit in zip(motions, limits, strict=True):
+                has_zero = self._has_zero(at) and np.isfinite(motion).all()
+                zeros.append(offset_of(measured[seen], motion, limit) if has_zero else 0.0)
+                motion[:] = measured[seen] - np.clip(motion + zeros[-1], -limit, limit)
+            yield motions, zeros
+
+    def _motions(self, models: Sequence[Model], one: Signals, starts: Sequence[FloatArray]) -> FloatArray:
+        """The simulated readings (K, N) of a recording; starts: initial position, speed and free states for each model.
+        Infinite where a motion exceeds all numbers.
+
+        The integration step is constant within a fit, as its errors add up.  Those of a servo do not, as it follows its
+        command.  Its stiffness changes by orders of magnitude within a fit, and its step follows that of the first
+        model.
+        """
+        e, found, step = one.experiment, np.full((len(models), one.experiment.time.size), np.inf), self.substep_s
+        own, first = [e.model(model) for model in models], 0
+        with suppress(ModelError):
+            states = np.array([initial_state(m, e, start, self.free) for m, start in zip(own, starts, strict=True)])
+            if self.prior_centre.base == "servo":
+                found[0], step = _simulated(own[0], e, one.column, states[0].tobytes(), FINEST * self.substep_s)
+                first = 1
+            runs = [model.prepare(e.drive, e.time, (one.column,), e.clock_zero) for model in own[first:]]
+            for row, out in zip(found[first:], run_each(runs, states[first:], step), strict=True):
+                row[:] = out if out is not None and np.isfinite(out).all() else np.inf
+        return found
 
     def _has_zero(self, at: int) -> bool:
         """Whether the sensor of a recording has a zero of its own: an accelerometer, which feels gravity and has an
@@ -169,15 +193,6 @@ class OutputError(Problem):
         a servo is counted from the zero of its angle."""
         is_placed = self.prior_centre.base != "servo" and (at > 0 or not self.is_anchored)
         return self.column == ACCEL or is_placed
-
-    @property
-    def _step(self) -> dict[str, float]:
-        """The argument of ``simulate`` for the integration step.  The step is constant within a fit, as its errors add
-        up.  Those of a servo do not, as it follows its command.  Its stiffness changes by orders of magnitude within a
-        fit, and its step follows the stiffness."""
-        if self.prior_centre.base == "servo":
-            return {"shortest_s": FINEST * self.substep_s}
-        return {"substep_s": self.substep_s}
 
     def suited(self, models: Sequence[Model]) -> Self:
         """The problem with an integration step that these models need as well, but at least ``FINEST`` of the present
@@ -226,6 +241,16 @@ class OutputError(Problem):
     def counts(self) -> list[int]:
         """The number of samples of each recording that are compared."""
         return [int((~np.isnan(one.experiment.measured[one.column])).sum()) for one in self.signals]
+
+
+@lru_cache(maxsize=16)  # a point is judged, and simulated again beside those from which its derivatives come
+def _simulated(
+    model: Model, experiment: Experiment, column: str, state: bytes, shortest_s: float
+) -> tuple[FloatArray, float]:
+    """The simulated readings (N,) of a recording with a step that the model chooses, and the step [s]; state: the
+    initial one (n,)."""
+    run = model.simulate(experiment.drive, experiment.time, np.frombuffer(state), shortest_s=shortest_s)
+    return run[column], run.substep_s
 
 
 def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:

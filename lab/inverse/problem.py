@@ -23,7 +23,7 @@ from lostmotion.lab.inverse.torques import acceleration, inertia_of
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["EquationError", "InverseModel", "Problem"]
+__all__ = ["EquationError", "InverseModel", "Point", "Problem"]
 
 MOST_ROUNDS, LOAD_CONVERGED = 40, 1e-3
 """Largest number of iterations for the transmitted torque, and the relative change at which they end."""
@@ -31,6 +31,10 @@ LARGEST_COLOUR = 0.99
 """The correlation of neighbouring samples is at most this, so that a constant keeps a tenth of its weight."""
 HELD = 1e-9
 """Half range of a zero angle that is known [rad]."""
+
+
+Point = tuple[Model, FloatArray]
+"""A model and the nuisance parameters (E,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +94,11 @@ class Problem(ABC):
 
     def residual(self, model: Model, nuisance: FloatArray) -> FloatArray:
         """The whitened misfit (M,), the sum of whose squares is minimised."""
-        return self.whitened(self.misfit(model, nuisance))
+        return np.asarray(self.residuals([(model, nuisance)])[0])
+
+    def residuals(self, points: Sequence[Point]) -> FloatArray:
+        """The residuals (K, M) of several models, each with its nuisance parameters."""
+        return np.array([self.whitened(self.misfit(*point)) for point in points])
 
     def suited(self, models: Sequence[Model]) -> Self:
         """The same problem with an integration step that these models need, where motions are simulated."""

@@ -20,7 +20,7 @@ from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import Model, ModelError, Trajectory
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray, Motion
-from lostmotion.model.run import Run, run_beside
+from lostmotion.model.run import Run, run_each
 from lostmotion.model.signals import COMMAND, COMMAND_RATE, OMEGA1, OMEGA2, THETA1, THETA2
 
 __all__ = [
@@ -95,17 +95,8 @@ class Segment:
 
     def residuals_of(self, models: Sequence[Model], starts: FloatArray, substep_s: float) -> FloatArray:
         """The residuals (K, M) of several models, from an initial state (K, n) each; see ``residual``."""
-        runs = [self._prepared(model) for model in models]
-        found = np.empty((len(models), self._targets[0].size))
-        left = list(range(len(models)))
-        while left:
-            first, at = runs[left[0]], left[:1]
-            if first is not None:
-                at += [i for i in left[1:] if (other := runs[i]) is not None and first.goes_beside(other)]
-            beside = [run for i in at if (run := runs[i]) is not None]
-            found[at] = self._residuals(run_beside(beside, starts[at], substep_s) if beside else None, len(at))
-            left = [i for i in left if i not in at]
-        return found
+        found = run_each([self._prepared(model) for model in models], starts, substep_s)
+        return np.concatenate([self._residuals(None if one is None else one[None], 1) for one in found])
 
     def _prepared(self, model: Model) -> Run | None:
         """The run of a model over the segment; None where its motion is not finite."""
