@@ -236,7 +236,7 @@ class Model:
         for _ in range(4):
             self._kernel_errors()  # of runs before
             (out,), (states,), peak = solve(
-                [plan], pieces.knots, pieces.coefficients, step, x0[None], grid, records, origin, keeps_states=True
+                [plan], [pieces], step, x0[None], grid, records, [origin], keeps_states=True
             )
             for error in self._kernel_errors():
                 raise error

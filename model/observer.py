@@ -74,10 +74,10 @@ class ObserverRun:
         self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float, budget: Budget = UNLIMITED
     ) -> tuple[FloatArray, FloatArray, float]:
         e, states = np.full(self.at.size, np.inf), np.full((self.at.size, start.size), np.inf)
-        values = beside([self.plan])
+        values = beside([self.plan], [self.origin])
         work = work_for(self.plan, values, start[None])
         loss = _follow(self.plan, values, self.knots, self.coefficients, self.at, substep_s, gain, self.reading,
-                       measured, self.origin, e, states, work, *budget)  # fmt: skip
+                       measured, e, states, work, *budget)  # fmt: skip
         return e, states, float(loss)
 
 
@@ -112,16 +112,16 @@ def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _corrected(
     plan: Plan, values: Values, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float,
-    gain: FloatArray, reading: int, measured: FloatArray, origin: float, e: FloatArray, states: FloatArray, work: Work,
+    gain: FloatArray, reading: int, measured: FloatArray, e: FloatArray, states: FloatArray, work: Work,
     first: int, unit: float, far: float, most: float,
 ) -> float:  # fmt: skip
     """See ObserverRun; writes e and states, and returns the loss."""
     m, w, polynomials, spent = terms(plan, values), memory(work), address(coefficients, 0), 0.0
     n, o, x, y, k1, k4 = m.states, 0, w.x, w.y, w.k1, w.k4
     for interval in range(knots.size):
-        c, left = offset(polynomials, 6 * interval), knots[interval]
+        c, left = offset(polynomials, m.numbers * interval), knots[interval]
         if o < at.size and at[o] == interval:
-            inputs(w, c, origin + left, w.none, 0.0, w.none, 0, 1)
+            inputs(m, w, c, left, w.none, 0.0, w.none, 0, 1)
             load(m, w, x, k1, 0.0, w.none, 0, 1)
             rates(m, w, k1, 0, 1)
             run(m, w, w.k, m.live, m.count, 0, 1)
@@ -143,7 +143,7 @@ def _corrected(
         w.h[0] = (knots[interval + 1] - left) / steps
         for step in range(steps):
             w.since[0] = step * w.h[0]
-            rk4_of_one(m, w, c, origin + left, x, k1, k4, y, 0)
+            rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
             x, y = y, x
             k1, k4 = k4, k1
     return spent

@@ -13,17 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.model.kernel import jitted, subroutine
-from lostmotion.model.lanes import LANES, address, call, offset
+from lostmotion.model.lanes import LANES, address, call, lane, offset
 
 __all__ = [
-    "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "beside", "inputs", "load", "memory",
-    "rates", "rk4", "rk4_of_one", "run", "terms", "work_for",
+    "ORDERS", "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "beside", "inputs", "load",
+    "memory", "rates", "rk4", "rk4_of_one", "run", "terms", "work_for",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Pointer = Any
 """To the first number of an array of lanes, within compiled code."""
+
+
+ORDERS = 6
+"""Numbers of the polynomial of an input in an interval, lowest order first."""
 
 
 class Plan(NamedTuple):
@@ -63,13 +67,16 @@ class Plan(NamedTuple):
 
 class Values(NamedTuple):
     """What differs between lanes beside their states, one row for each number: p, preset_values, start, layer and
-    sharpest of ``Plan``, (rows x LANES,)."""
+    sharpest of ``Plan``, (rows x LANES,), and the origin of their times [s]; numbers: of the input's polynomial in an
+    interval, 6 for one that all lanes share, else 6 x LANES."""
 
     p: FloatArray
     preset_values: FloatArray
     start: FloatArray
     layer: FloatArray
     sharpest: FloatArray
+    origin: FloatArray
+    numbers: int
 
 
 class Terms(NamedTuple):
@@ -99,6 +106,8 @@ class Terms(NamedTuple):
     watch: Any
     layer: Any
     sharpest: Any
+    origin: Any
+    numbers: Any
 
 
 class Work(NamedTuple):
@@ -124,18 +133,26 @@ class Work(NamedTuple):
     none: FloatArray
 
 
-def beside(plans: Sequence[Plan]) -> Values:
-    """The values of up to ``LANES`` plans with the same terms; one alone is that of all lanes, and the last one also
-    that of the lanes that are left."""
-    if len(plans) == 1:
-        return Values(*(np.repeat(rows, LANES) for rows in _differing(plans[0])))
-    at = np.minimum(np.arange(LANES), len(plans) - 1)
-    columns = zip(*(_differing(plan) for plan in plans), strict=True)
-    return Values(*(np.array(every).reshape(len(plans), -1).T[:, at].ravel() for every in columns))
+def beside(plans: Sequence[Plan], origins: Sequence[float], numbers: int = ORDERS) -> Values:
+    """The values of up to ``LANES`` plans with the same terms, and the origins of their times [s]; one alone is that of
+    all lanes, and the last one also that of the lanes that are left."""
+    return Values(
+        p=_in_lanes([plan.p for plan in plans]),
+        preset_values=_in_lanes([plan.preset_values for plan in plans]),
+        start=_in_lanes([plan.start for plan in plans]),
+        layer=_in_lanes([plan.layer for plan in plans]),
+        sharpest=_in_lanes([plan.sharpest for plan in plans]),
+        origin=_in_lanes(origins),
+        numbers=numbers,
+    )
 
 
-def _differing(plan: Plan) -> tuple[FloatArray | float, ...]:
-    return plan.p, plan.preset_values, plan.start, plan.layer, plan.sharpest
+def _in_lanes(every: Sequence[FloatArray | float]) -> FloatArray:
+    """Numbers, or arrays (rows,), one for each lane, as an array of lanes (rows x LANES,)."""
+    if len(every) == 1:
+        return np.repeat(every[0], LANES)
+    at = np.minimum(np.arange(LANES), len(every) - 1)
+    return np.array(every).reshape(len(every), -1).T[:, at].ravel()
 
 
 def work_for(plan: Plan, values: Values, starts: FloatArray) -> Work:
@@ -157,6 +174,7 @@ def terms(plan: Plan, values: Values) -> Any:
         address(plan.input_signals, 0), address(plan.input_orders, 0), plan.input_signals.size,
         address(plan.presets, 0), address(values.preset_values, 0), plan.presets.size, plan.time * LANES,
         plan.watch * LANES, address(values.layer, 0), address(values.sharpest, 0),
+        address(values.origin, 0), values.numbers,
     )  # fmt: skip
 
 
@@ -172,18 +190,34 @@ def memory(w: Work) -> Any:
 
 
 @jitted
-def inputs(w: Any, c: Pointer, knot: float, since: Pointer, part: float, h: Pointer, first: int, end: int) -> None:
+def polynomial(
+    c0: float, c1: float, c2: float, c3: float, c4: float, c5: float, tau: float
+) -> tuple[float, float]:  # fmt: skip
+    """The polynomial with these coefficients, lowest order first, and its derivative at tau."""
+    value = c0 + tau * (c1 + tau * (c2 + tau * (c3 + tau * (c4 + tau * c5))))
+    return value, c1 + tau * (2 * c2 + tau * (3 * c3 + tau * (4 * c4 + tau * (5 * c5))))
+
+
+@jitted
+def inputs(
+    m: Any, w: Any, c: Pointer, left: float, since: Pointer, part: float, h: Pointer, first: int, end: int
+) -> None:  # fmt: skip
     """Sets the time, and the input with its derivative, at a part of the steps h [s] of the lanes first … end - 1.
 
-    They begin ``since`` [s] after the knot at the time ``knot`` [s] from which the polynomial c (6,), lowest order
-    first, counts.
+    They begin ``since`` [s] after a knot, ``left`` [s] from the origins of their times, from which the polynomial c
+    counts: of all lanes, or one for each.
     """
-    c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
     for k in range(first, end):
-        tau = since[k] + part * h[k]
-        w.time[k] = knot + tau
-        w.value[k] = c0 + tau * (c1 + tau * (c2 + tau * (c3 + tau * (c4 + tau * c5))))
-        w.rate[k] = c1 + tau * (2 * c2 + tau * (3 * c3 + tau * (4 * c4 + tau * (5 * c5))))
+        w.time[k] = m.origin[k] + left + (since[k] + part * h[k])
+    if m.numbers == ORDERS:
+        c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
+        for k in range(first, end):
+            tau = since[k] + part * h[k]
+            w.value[k], w.rate[k] = polynomial(c0, c1, c2, c3, c4, c5, tau)
+    else:
+        for k in range(first, end):
+            tau, one = since[k] + part * h[k], lane(c, k)
+            w.value[k], w.rate[k] = polynomial(one[0], one[1], one[2], one[3], one[4], one[5], tau)
 
 
 @jitted
@@ -234,16 +268,16 @@ def rates(m: Any, w: Any, dx: Pointer, first: int, end: int) -> None:
 
 @jitted
 def _step(
-    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, first: int, end: int
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, first: int, end: int
 ) -> None:
     """One classical Runge-Kutta step of the lanes first … end - 1, with their ``since`` and ``h``, from the states x,
-    with slopes k1, to y, whose slopes are left in k4; c, knot: see ``inputs``."""
-    inputs(w, c, knot, w.since, 0.5, w.h, first, end)
+    with slopes k1, to y, whose slopes are left in k4; c, left: see ``inputs``."""
+    inputs(m, w, c, left, w.since, 0.5, w.h, first, end)
     load(m, w, x, k1, 0.5, w.h, first, end)
     rates(m, w, w.k2, first, end)
     load(m, w, x, w.k2, 0.5, w.h, first, end)
     rates(m, w, w.k3, first, end)
-    inputs(w, c, knot, w.since, 1.0, w.h, first, end)
+    inputs(m, w, c, left, w.since, 1.0, w.h, first, end)
     load(m, w, x, w.k3, 1.0, w.h, first, end)
     rates(m, w, k4, first, end)
     for i in range(m.states):
@@ -256,14 +290,14 @@ def _step(
 
 
 @subroutine
-def rk4(m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, end: int) -> None:
+def rk4(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, end: int) -> None:
     """``_step`` of the lanes 0 … end - 1."""
-    _step(m, w, c, knot, x, k1, k4, y, 0, end)
+    _step(m, w, c, left, x, k1, k4, y, 0, end)
 
 
 @subroutine
 def rk4_of_one(
-    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, one: int
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, one: int
 ) -> None:
     """``_step`` of one lane, without loops."""
-    _step(m, w, c, knot, x, k1, k4, y, one, one + 1)
+    _step(m, w, c, left, x, k1, k4, y, one, one + 1)

@@ -14,6 +14,9 @@ from lostmotion.model.solve import solve
 
 __all__ = ["Run", "run_beside", "run_each"]
 
+ROUNDING = 1e-9
+"""Largest difference of times that are the same, as a share of the length of a run."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
@@ -34,15 +37,20 @@ class Run:
         return run_beside([self], starts, substep_s)
 
     def goes_beside(self, other: Run | None) -> bool:
-        """Whether another run has the same terms, input and times."""
-        if other is None:
+        """Whether another run has the same terms and outputs, and knots and times at the same distances; none of a
+        sensor with a clock of its own."""
+        if other is None or self.plan.addresses is not other.plan.addresses or self.picks is not other.picks:
             return False
-        own, its = self.pieces, other.pieces
-        is_same_input = own is its or (
-            np.array_equal(own.knots, its.knots) and np.array_equal(own.coefficients, its.coefficients)
+        return (
+            np.array_equal(self.records, other.records)
+            and (self.pieces is other.pieces or _are_alike(self.pieces.knots, other.pieces.knots))
+            and _are_alike(self.grid, other.grid)
         )
-        is_same_time = self.origin == other.origin and np.array_equal(self.grid, other.grid)
-        return self.plan.addresses is other.plan.addresses and is_same_input and is_same_time
+
+
+def _are_alike(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two arrays of times are the same but for rounding."""
+    return one.size == other.size and bool(np.abs(one - other).max() <= ROUNDING * one[-1])
 
 
 def run_each(runs: Sequence[Run | None], starts: FloatArray, substep_s: float) -> list[FloatArray | None]:
@@ -61,7 +69,13 @@ def run_each(runs: Sequence[Run | None], starts: FloatArray, substep_s: float) -
 def run_beside(runs: Sequence[Run], starts: FloatArray, substep_s: float) -> FloatArray:
     """The outputs (K, outputs, N) of runs that go beside each other, from a state (K, n) each, or of one run from all
     of these states; see ``Run``."""
-    first, plans = runs[0], [run.plan for run in runs]
-    knots, coefficients = first.pieces.knots, first.pieces.coefficients
-    out, *_ = solve(plans, knots, coefficients, substep_s, starts, first.grid, first.records, first.origin)
+    first, plans, inputs = runs[0], [run.plan for run in runs], [run.pieces for run in runs]
+    origins = [run.origin for run in runs]
+    if all(_are_equal(one, inputs[0]) for one in inputs[1:]):
+        inputs = inputs[:1]
+    out, *_ = solve(plans, inputs, substep_s, starts, first.grid, first.records, origins)
     return out if first.picks is None else np.take_along_axis(out, first.picks[None], axis=2)
+
+
+def _are_equal(one: Pieces, other: Pieces) -> bool:
+    return one is other or np.array_equal(one.coefficients, other.coefficients)

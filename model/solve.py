@@ -14,13 +14,14 @@ takes its own parts of the step while the others wait.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 
 from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
 from lostmotion.model.lanes import LANES, VECTOR, address, item, offset
+from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import (
     FloatArray,
     IntArray,
@@ -41,6 +42,8 @@ from lostmotion.model.rk4 import (
 )
 
 __all__ = ["SPEED", "integrate", "solve", "start_signals"]
+
+T = TypeVar("T")
 
 SPEED = 1
 """The state that dry friction opposes: the second one of every base."""
@@ -83,25 +86,25 @@ def _part_pointers(parts: Parts) -> Any:
 
 
 @subroutine
-def _speed_rate(m: Any, w: Any, c: Pointer, knot: float, part: float, z: Pointer, one: int) -> float:
+def _speed_rate(m: Any, w: Any, c: Pointer, left: float, part: float, z: Pointer, one: int) -> float:
     """The acceleration of a lane with the states z at a part of its step; its derivatives are left in w.k."""
-    inputs(w, c, knot, w.since, part, w.h, one, one + 1)
+    inputs(m, w, c, left, w.since, part, w.h, one, one + 1)
     load(m, w, z, w.k, 0.0, w.h, one, one + 1)
     rates(m, w, w.k, one, one + 1)
     return float(w.k[SPEED * LANES + one])
 
 
 @jitted
-def _slope(m: Any, w: Any, c: Pointer, knot: float, x: Pointer, one: int) -> float:
+def _slope(m: Any, w: Any, c: Pointer, left: float, x: Pointer, one: int) -> float:
     """Fall of the acceleration of a lane over the narrowest change of sign of a dry friction [1/s]: its reciprocal is
     the time in which the friction stops the joint there.  z and k are overwritten."""
     width, at = m.sharpest[one], SPEED * LANES + one
     for i in range(m.states):
         w.z[i * LANES + one] = x[i * LANES + one]
     w.z[at] = -0.5 * width
-    across = _speed_rate(m, w, c, knot, 0.0, w.z, one)
+    across = _speed_rate(m, w, c, left, 0.0, w.z, one)
     w.z[at] = 0.5 * width
-    return float((across - _speed_rate(m, w, c, knot, 0.0, w.z, one)) / width)
+    return float((across - _speed_rate(m, w, c, left, 0.0, w.z, one)) / width)
 
 
 @jitted
@@ -115,7 +118,7 @@ def _halvings(stiffness: float) -> int:
 
 @jitted
 def _creep(
-    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, one: int
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, one: int
 ) -> bool:  # fmt: skip
     """One exponential Rosenbrock-Euler step of a joint that friction holds, in one lane, from x with slopes k1 to the
     states z with slopes k, both useless where it returns False: where the joint does not creep, or is not stiff.  A lag
@@ -128,10 +131,10 @@ def _creep(
     w.z[one], w.z[at] = x[one] + h / 2 * x[at], x[at]
     for i in range(SPEED + 1, n):
         w.z[i * LANES + one] = x[i * LANES + one] + h / 2 * k1[i * LANES + one]
-    acceleration = _speed_rate(m, w, c, knot, 0.5, w.z, one)
+    acceleration = _speed_rate(m, w, c, left, 0.5, w.z, one)
     own = w.k[(SPEED + 1) * LANES + one]  # of the lag, where n is 3
     w.z[at] += CREEP * width
-    slope = (acceleration - _speed_rate(m, w, c, knot, 0.5, w.z, one)) / (CREEP * width)
+    slope = (acceleration - _speed_rate(m, w, c, left, 0.5, w.z, one)) / (CREEP * width)
     if not h * slope > LAYER_STEP:
         return False
     gained = acceleration * (1 - np.exp(-h * slope)) / slope
@@ -140,7 +143,7 @@ def _creep(
     w.z[one], w.z[at] = x[one] + h * x[at] + (h * acceleration - gained) / slope, x[at] + gained
     for i in range(SPEED + 1, n):
         w.z[i * LANES + one] = x[i * LANES + one] + h * own
-    _speed_rate(m, w, c, knot, 1.0, w.z, one)
+    _speed_rate(m, w, c, left, 1.0, w.z, one)
     return True
 
 
@@ -152,11 +155,11 @@ def _passes(speed: float, acceleration: float, h: float, layer: float) -> bool:
 
 
 @subroutine
-def _evaluate(m: Any, w: Any, c: Pointer, knot: float, since: float, z: Pointer, first: int, end: int) -> None:
+def _evaluate(m: Any, w: Any, c: Pointer, left: float, since: float, z: Pointer, first: int, end: int) -> None:
     """All signals of the lanes first … end - 1 for the states z, ``since`` [s] after a knot."""
     for k in range(first, end):
         w.since[k] = since
-    inputs(w, c, knot, w.since, 0.0, w.none, first, end)
+    inputs(m, w, c, left, w.since, 0.0, w.none, first, end)
     load(m, w, z, w.k, 0.0, w.none, first, end)
     run(m, w, w.k, 0, m.live, first, end)
 
@@ -193,7 +196,7 @@ def _keep(
 
 @jitted
 def _begin(
-    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, step_s: float, step: int,
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, step_s: float, step: int,
     parts: Any, o: int, count: int,
 ) -> None:  # fmt: skip
     """Cuts a step of the lanes 0 … count - 1 in as many units as the friction of each needs."""
@@ -201,14 +204,14 @@ def _begin(
         parts.done[k], parts.units[k], w.slope[k], at = 0, 1, 0.0, SPEED * LANES + k
         if m.layer[k] > 0.0 and _passes(x[at], k1[at], step_s, m.layer[k]):
             w.since[k], w.h[k] = step * step_s, step_s
-            w.slope[k] = _slope(m, w, c, knot, x, k)
+            w.slope[k] = _slope(m, w, c, left, x, k)
             parts.units[k] = 1 << _halvings(step_s * w.slope[k])
         parts.size[k], parts.is_new[k], parts.next[k] = parts.units[k], 1, o
 
 
 @jitted
 def _choose(
-    m: Any, w: Any, c: Pointer, knot: float, x: Pointer, k1: Pointer, step_s: float, step: int,
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, step_s: float, step: int,
     parts: Any, count: int,
 ) -> tuple[bool, int, int]:  # fmt: skip
     """Chooses the next part of the step of each lane that is not at its end: since, h, and whether it creeps.  Returns
@@ -227,7 +230,7 @@ def _choose(
             may_creep = m.states <= 3 and abs(k1[at]) < CREEP * m.sharpest[k] * w.slope[k]
             while size > 1 and _passes(x[at], k1[at], step_s * size / units, layer):
                 w.h[k] = step_s * size / units
-                if may_creep and _creep(m, w, c, knot, x, k1, k):
+                if may_creep and _creep(m, w, c, left, x, k1, k):
                     parts.creeps[k] = 1
                     break
                 size >>= 1
@@ -240,12 +243,13 @@ def _choose(
 
 def _integrate(
     plan: Plan, values: Values, knots: FloatArray, coefficients: FloatArray, substep: float, count: int,
-    times: FloatArray, records: IntArray, out: FloatArray, states: FloatArray, origin: float, work: Work, steps_of: Any,
+    times: FloatArray, records: IntArray, out: FloatArray, states: FloatArray, work: Work, steps_of: Any,
 ) -> float:  # fmt: skip
     """Integrates from knots[0] = 0 to knots[-1] in the lanes 0 … count - 1.
 
-    knots: (K + 1,) ascending [s], counted from origin [s] as the output times are; coefficients: (K, 6) of the input's
-    polynomial in each interval, lowest order first; substep: longest step [s]; times: (N,) ascending, within the knots;
+    knots: (K + 1,) ascending [s], counted from the origin of each lane, as the output times are; coefficients: (K, 6)
+    of the input's polynomial in each interval, lowest order first, or (K, 6 x LANES) of that of each lane; substep:
+    longest step [s]; times: (N,) ascending, within the knots;
     records: the signals wanted; out: (lanes, len(records), N) and states: (lanes, N, n), or (lanes, 0, 0), are filled;
     work: begins with the states x.  Returns the largest magnitude of the watched signal of the first lane, which is NaN
     or infinite when its states left the range of numbers.
@@ -253,7 +257,7 @@ def _integrate(
     m, w, parts, polynomials = terms(plan, values), memory(work), _part_pointers(steps_of), address(coefficients, 0)
     end = 1 if count == 1 else (count + VECTOR - 1) // VECTOR * VECTOR
     n, x, y, k1, k4 = m.states, w.x, w.y, w.k1, w.k4
-    inputs(w, polynomials, origin + knots[0], w.none, 0.0, w.none, 0, end)
+    inputs(m, w, polynomials, knots[0], w.none, 0.0, w.none, 0, end)
     load(m, w, x, k1, 0.0, w.none, 0, end)
     rates(m, w, k1, 0, end)
     peak, o = abs(w.s[m.watch]), 0
@@ -261,8 +265,7 @@ def _integrate(
         _keep(m, w, x, records, out, states, o, 0, end, count)
         o += 1
     for interval in range(knots.size - 1):
-        c, left = offset(polynomials, 6 * interval), knots[interval]
-        knot = origin + left
+        c, left = offset(polynomials, m.numbers * interval), knots[interval]
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
@@ -275,9 +278,9 @@ def _integrate(
                 for k in range(end):
                     w.since[k], w.h[k] = step * h, h
                 if end == 1:
-                    rk4_of_one(m, w, c, knot, x, k1, k4, y, 0)
+                    rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
                 else:
-                    rk4(m, w, c, knot, x, k1, k4, y, end)
+                    rk4(m, w, c, left, x, k1, k4, y, end)
                 if not abs(w.s[m.watch]) <= peak:
                     peak = abs(w.s[m.watch])
                 between = False  # from then on s no longer shows the end of the step
@@ -286,21 +289,21 @@ def _integrate(
                     between = between or part < 1 - 1e-6
                     if between:
                         _hermite(n, w, x, k1, y, k4, h, part, 0, end)
-                        _evaluate(m, w, c, knot, times[o] - left, w.z, 0, end)
+                        _evaluate(m, w, c, left, times[o] - left, w.z, 0, end)
                     _keep(m, w, w.z if between else y, records, out, states, o, 0, end, count)
                     o += 1
                 x, y = y, x
                 k1, k4 = k4, k1
                 continue
-            _begin(m, w, c, knot, x, k1, h, step, parts, o, count)
+            _begin(m, w, c, left, x, k1, h, step, parts, o, count)
             while True:
-                moves, first, last = _choose(m, w, c, knot, x, k1, h, step, parts, count)
+                moves, first, last = _choose(m, w, c, left, x, k1, h, step, parts, count)
                 if not moves:
                     break
                 if first == last:
-                    rk4_of_one(m, w, c, knot, x, k1, k4, y, first)
+                    rk4_of_one(m, w, c, left, x, k1, k4, y, first)
                 elif first < last:
-                    rk4(m, w, c, knot, x, k1, k4, y, end)
+                    rk4(m, w, c, left, x, k1, k4, y, end)
                 for k in range(count):
                     at = SPEED * LANES + k
                     if parts.done[k] == parts.units[k]:
@@ -322,7 +325,7 @@ def _integrate(
                     ):
                         o = parts.next[k]
                         _hermite(n, w, x, k1, y, k4, part_h, min((times[o] - begin) / part_h, 1.0), k, k + 1)
-                        _evaluate(m, w, c, knot, times[o] - left, w.z, k, k + 1)
+                        _evaluate(m, w, c, left, times[o] - left, w.z, k, k + 1)
                         _keep(m, w, w.z, records, out, states, o, k, k + 1, count)
                         parts.next[k] = o + 1
                     for i in range(n):
@@ -331,10 +334,10 @@ def _integrate(
     return float(peak)
 
 
-def _start(plan: Plan, values: Values, coefficients: FloatArray, time: float, work: Work) -> None:
+def _start(plan: Plan, values: Values, coefficients: FloatArray, work: Work) -> None:
     """All signals at one instant in the first lane of work.s."""
     m, w = terms(plan, values), memory(work)
-    _evaluate(m, w, address(coefficients, 0), time, 0.0, w.x, 0, 1)
+    _evaluate(m, w, address(coefficients, 0), 0.0, 0.0, w.x, 0, 1)
     run(m, w, w.k, m.live, m.count, 0, 1)
 
 
@@ -344,33 +347,46 @@ integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_i
 
 def start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:
     """All signals at one instant, shape (signals + effects' states,), for states x (n,) and an input with its rate."""
-    values = beside([plan])
+    values = beside([plan], [time])
     work = work_for(plan, values, x[None])
-    _signals(plan, values, np.array([[value, rate, 0.0, 0.0, 0.0, 0.0]]), time, work)
+    _signals(plan, values, np.array([[value, rate, 0.0, 0.0, 0.0, 0.0]]), work)
     return work.s[::LANES].copy()
 
 
 def solve(
-    plans: Sequence[Plan], knots: FloatArray, coefficients: FloatArray, substep_s: float, starts: FloatArray,
-    times: FloatArray, records: IntArray, origin: float, *, keeps_states: bool = False,
+    plans: Sequence[Plan], inputs: Sequence[Pieces], substep_s: float, starts: FloatArray, times: FloatArray,
+    records: IntArray, origins: Sequence[float], *, keeps_states: bool = False,
 ) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
-    """Runs from the states starts (K, n), each with its plan, or all with one; see ``_integrate``.
+    """Runs from the states starts (K, n), with a plan, an input, and an origin of their times each, or one of all.
 
-    Returns the signals (K, records, N), the states (K, N, n), none unless asked for, and the largest magnitude of the
-    watched signal of the first run.
+    Plans have the same terms, inputs the same knots; see ``_integrate``.  Returns the signals (K, records, N), the
+    states (K, N, n), none unless asked for, and the largest magnitude of the watched signal of the first run.
     """
     K, n = starts.shape
     out = np.empty((K, records.size, times.size))
     states = np.empty((K, times.size, n) if keeps_states else (K, 0, 0))
-    peak, values = 0.0, beside(plans[:1])
+    peak = 0.0
     for first in range(0, K, LANES):
         lanes = slice(first, first + LANES)
-        if len(plans) > 1:
-            values = beside(plans[lanes])
-        part = starts[lanes]
-        own = integrate(
-            plans[0], values, knots, coefficients, substep_s, len(part), times, records, out[lanes], states[lanes],
-            origin, work_for(plans[0], values, part), Parts.empty(),
+        part, coefficients = starts[lanes], _beside(_lanes_of(inputs, lanes))
+        values = beside(_lanes_of(plans, lanes), _lanes_of(origins, lanes), coefficients.shape[1])
+        found = integrate(
+            plans[0], values, inputs[0].knots, coefficients, substep_s, len(part), times, records, out[lanes],
+            states[lanes], work_for(plans[0], values, part), Parts.empty(),
         )  # fmt: skip
-        peak = own if first == 0 else peak
+        peak = peak if first else found
     return out, states, float(peak)
+
+
+def _lanes_of(every: Sequence[T], lanes: slice) -> Sequence[T]:
+    """Those of these lanes, or the one of all lanes."""
+    return every if len(every) == 1 else every[lanes]
+
+
+def _beside(inputs: Sequence[Pieces]) -> FloatArray:
+    """The coefficients of one input (K, 6), or of several in lanes (K, 6 x LANES)."""
+    if len(inputs) == 1:
+        return inputs[0].coefficients
+    at = np.minimum(np.arange(LANES), len(inputs) - 1)
+    every = np.array([one.coefficients for one in inputs])
+    return np.ascontiguousarray(every.transpose(1, 2, 0)[:, :, at]).reshape(len(every[0]), -1)

@@ -19,10 +19,10 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.observer.filter import can_follow, states_at
 from lostmotion.lab.observer.global_search import search_parameters
-from lostmotion.lab.shooting.continuation import Level, are_missed, fitted, merged, residuals
+from lostmotion.lab.shooting.continuation import Level, are_missed, fitted, merged
 from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, segment_of
 from lostmotion.lab.shooting.parameters import Unknowns, free_names
-from lostmotion.lab.shooting.segment import Segment
+from lostmotion.lab.shooting.segment import Segment, residuals
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray

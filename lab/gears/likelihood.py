@@ -36,7 +36,8 @@ from lostmotion.lab.gears.unseen import Unseen, Validation, compared
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import others, without
-from lostmotion.lab.shooting.continuation import Level, residuals
+from lostmotion.lab.shooting.continuation import Level
+from lostmotion.lab.shooting.segment import residuals
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect

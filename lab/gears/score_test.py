@@ -22,7 +22,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import fit_autoregression
 from lostmotion.lab.shooting.continuation import Level, followed_segments
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
-from lostmotion.lab.shooting.segment import Linearised, Segment, start_with
+from lostmotion.lab.shooting.segment import Linearised, Segment, residuals, start_with
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
@@ -90,18 +90,18 @@ def score_test(
     if not blocks:
         return Scores()
     project = _Projection(blocks)
-    residuals = [block.r for block in blocks]
-    noise, r = fit_autoregression(residuals), project(residuals)
+    here = [block.r for block in blocks]
+    noise, r = fit_autoregression(here), project(here)
     size = scales_of(level.model, segments, substep_s)
     models = [(effect, model) for effect in effects for model in faint(level.model, effect, size)]
-    before = partial(_columns, before=level.model, segments=segments, residuals=residuals, substep_s=substep_s)
+    before = partial(_columns, before=level.model, segments=segments, known=here, substep_s=substep_s)
     columns = pool.map(before, [model for _, model in models])
     usable = [(e, m, project(c)) for (e, m), c in zip(models, columns, strict=True) if c is not None]
     usable = [entry for entry in usable if entry[2] @ entry[2] > 1e-12]
     if not usable:
         return Scores()
     C = np.array([column / np.linalg.norm(column) for *_, column in usable])
-    counts = [part.size for part in residuals]
+    counts = [part.size for part in here]
     series = noise.simulate(rng, DRAWS, sum(counts)).T
     null = (C @ project(np.split(series, np.cumsum(counts)[:-1]))).T
     spread = np.maximum(null.std(axis=0), 1e-9)
@@ -116,18 +116,16 @@ def score_test(
 
 
 def _columns(
-    model: Model, before: Model, segments: Sequence[Segment], residuals: Sequence[FloatArray], substep_s: float
+    model: Model, before: Model, segments: Sequence[Segment], known: Sequence[FloatArray], substep_s: float
 ) -> list[FloatArray] | None:
     """The change of the residual of each segment (M_i,) by an effect of small amplitude; model, before: with and
-    without it; residuals: without it.  None where the motion cannot be simulated."""
-    changes = []
-    for segment, r in zip(segments, residuals, strict=True):
-        own = segment.experiment.model(model)
-        there = segment.residual(own, start_with(own, segment, before.state_names), substep_s)
-        if not np.all(np.isfinite(there)):
-            return None
-        changes.append(there - r)
-    return changes
+    without it; known: the residuals without it.  None where the motion cannot be simulated."""
+    there = [
+        segment.starting(start_with(segment.experiment.model(model), segment, before.state_names))
+        for segment in segments
+    ]
+    changes = [new - r for new, r in zip(residuals(model, there, substep_s), known, strict=True)]
+    return changes if all(np.isfinite(change).all() for change in changes) else None
 
 
 class _Projection:

@@ -21,9 +21,9 @@ from lostmotion.lab.data.whiteness import is_structured
 from lostmotion.lab.fitting.fit import rms_by_column
 from lostmotion.lab.fitting.strategy import observed_states, with_initial_states
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.shooting.continuation import merged, residuals, tiles
+from lostmotion.lab.shooting.continuation import merged, tiles
 from lostmotion.lab.shooting.initial_state import polished, repaired
-from lostmotion.lab.shooting.segment import Segment, start_with, state_scales
+from lostmotion.lab.shooting.segment import Segment, residuals, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray

@@ -73,7 +73,7 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
     """
     found = np.empty(signals.time.size)
     plan = model.plan(signals.experiment.drive is not None)
-    values = beside([plan])
+    values = beside([plan], [0.0])
     work = work_for(plan, values, np.zeros((1, plan.state_at.size)))
     parts = _parts(model, signals)
     _evaluate(plan, values, signals.time, signals.position, signals.velocity, drive, parts, found, work)

@@ -20,7 +20,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.shooting.least_squares import Problem, minimise
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.segment import Segment
+from lostmotion.lab.shooting.segment import Segment, residuals
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -32,7 +32,6 @@ __all__ = [
     "fitted",
     "followed_segments",
     "merged",
-    "residuals",
     "tiles",
 ]
 
@@ -90,11 +89,6 @@ def merged(segments: Sequence[Segment], experiments: Sequence[Experiment], halvi
             old = known[experiment.name, float(tile.time[0])]
             longer.append(Segment(tile, old.noise, old.scale, old.start))
     return tuple(longer)
-
-
-def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
-    """The residual r of each segment (M_i,), in units of the noise."""
-    return [s.residual(s.experiment.model(model), s.start, substep_s) for s in segments]
 
 
 def _huber_of(model: Model, segments: Sequence[Segment], substep_s: float) -> float:

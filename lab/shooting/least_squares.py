@@ -15,7 +15,7 @@ import numpy as np
 
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.lab.shooting.segment import Linearised, Segment
+from lostmotion.lab.shooting.segment import Linearised, Segment, residuals
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
@@ -62,10 +62,7 @@ class Problem:
             model = self.unknowns.put(self.model, z)
         except ModelError:
             return np.full(len(segments), np.inf)
-        found = np.empty(len(segments))
-        for at, s in enumerate(segments):
-            found[at] = robust(s.residual(s.experiment.model(model), s.start, self.substep_s), self.huber)
-        return found
+        return np.array([robust(r, self.huber) for r in residuals(model, segments, self.substep_s)])
 
     def moved(
         self, z: FloatArray, segments: Sequence[Segment], ds: Sequence[FloatArray], before: FloatArray

@@ -30,6 +30,7 @@ __all__ = [
     "Segment",
     "in_motion",
     "motions",
+    "residuals",
     "scales",
     "start_with",
     "state_scales",
@@ -85,32 +86,27 @@ class Segment:
 
     def residual(self, model: Model, start: FloatArray, substep_s: float) -> FloatArray:
         """(measured - modelled)/noise of all columns one after the other (M,), from an initial state (n,); infinite
-        where the motion cannot be simulated."""
+        where the motion cannot be simulated.  model: with the values of the recording."""
         return np.asarray(self.residuals(model, start[None], substep_s)[0])
 
     def residuals(self, model: Model, starts: FloatArray, substep_s: float) -> FloatArray:
         """The residuals (K, M) from several initial states (K, n); see ``residual``."""
-        run = self._prepared(model)
-        return self._residuals(None if run is None else run(starts, substep_s), len(starts))
+        run = self.prepared(model)
+        if run is None:
+            return np.full((len(starts), self._targets[0].size), np.inf)
+        return self.compared(run(starts, substep_s))
 
-    def residuals_of(self, models: Sequence[Model], starts: FloatArray, substep_s: float) -> FloatArray:
-        """The residuals (K, M) of several models, from an initial state (K, n) each; see ``residual``."""
-        found = run_each([self._prepared(model) for model in models], starts, substep_s)
-        return np.concatenate([self._residuals(None if one is None else one[None], 1) for one in found])
-
-    def _prepared(self, model: Model) -> Run | None:
+    def prepared(self, model: Model) -> Run | None:
         """The run of a model over the segment; None where its motion is not finite."""
         e = self.experiment
         with suppress(ModelError):
             return model.prepare(e.drive, e.time, tuple(e.measured), e.clock_zero)
         return None
 
-    def _residuals(self, modelled: FloatArray | None, count: int) -> FloatArray:
-        """The residuals (K, M) of the outputs (K, columns, N) of ``count`` runs; None for runs that are impossible."""
+    def compared(self, modelled: FloatArray) -> FloatArray:
+        """The residuals (K, M) of the outputs (K, columns, N) of runs."""
         values, weights, seen = self._targets
-        if modelled is None:
-            return np.full((count, values.size), np.inf)
-        every = modelled.reshape(count, -1)
+        every = modelled.reshape(len(modelled), -1)
         with np.errstate(over="ignore", invalid="ignore"):
             r = (values - (every if seen is None else every[:, seen])) * weights
         r[~np.isfinite(r).all(axis=1)] = np.inf
@@ -136,10 +132,27 @@ class Segment:
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
         models = [own(at)] * len(moved) + [own(there) for there, _ in around]
         starts = np.vstack([moved, np.tile(self.start, (len(around), 1))])
-        r, *others = self.residuals_of(models, starts, substep_s)
+        r, *others = _compared([self] * len(models), models, starts, substep_s)
         steps = [by] * self.start.size + [step for _, step in around]
         slopes = ((np.array(others) - r) / np.array(steps)[:, None]).T
         return Linearised(r, slopes[:, self.start.size :], slopes[:, : self.start.size])
+
+
+def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
+    """The residual of each segment (M_i,) from its initial state; see ``Segment.residual``."""
+    models = [one.experiment.model(model) for one in segments]
+    return _compared(segments, models, [one.start for one in segments], substep_s)
+
+
+def _compared(
+    segments: Sequence[Segment], models: Sequence[Model], starts: Sequence[FloatArray] | FloatArray, substep_s: float
+) -> list[FloatArray]:
+    """The residual (M_i,) of each segment by its model, from a state (n,); infinite where it cannot be simulated."""
+    runs = [one.prepared(model) for one, model in zip(segments, models, strict=True)]
+    found = run_each(runs, np.asarray(starts), substep_s)
+    impossible = (np.full((len(one.experiment.measured), one.experiment.time.size), np.inf) for one in segments)
+    every = [no if out is None else out for out, no in zip(found, impossible, strict=True)]
+    return [one.compared(out[None])[0] for one, out in zip(segments, every, strict=True)]
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:

@@ -15,7 +15,7 @@ from lostmotion.model.kernel import Slots, python_kernel, whole_power
 from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray, Sampled
 from lostmotion.model.parameter import Parameter
-from lostmotion.model.run import run_beside
+from lostmotion.model.run import run_beside, run_each
 from lostmotion.model.signals import OMEGA2, TORQUE
 
 TIMES = np.arange(480) / 800
@@ -64,6 +64,18 @@ def test_each_lane_has_its_own_parameters() -> None:
     alone = np.array([run(start[None], 5e-4)[0] for run, start in zip(runs, starts, strict=True)])
     assert np.abs(run_beside(runs, starts, 5e-4) - alone).max() <= 1e-9 * np.abs(alone).max()
     assert np.ptp(alone[:, 0, -1]) > 1e-3 * np.abs(alone).max()
+
+
+def test_each_lane_has_its_own_input() -> None:
+    """Segments of one recording, with the input and the time of each."""
+    motion, model = driven("play"), build_model("play", ["bias_drift"], {"bias_drift.c": 1.0})
+    parts = [TIMES[begin : begin + 80] for begin in range(0, 400, 40)]
+    runs = [model.prepare(motion, part, ("accel", "position"), 0.0) for part in parts]
+    starts = np.array([model.initial_state(motion, float(part[0])) for part in parts])
+    alone = [run(start[None], 5e-4)[0] for run, start in zip(runs, starts, strict=True)]
+    assert all(run.goes_beside(runs[0]) for run in runs)
+    found = np.array(run_each(runs, starts, 5e-4))
+    assert np.abs(found - alone).max() <= 1e-9 * np.abs(alone).max()
 
 
 def test_a_delay_goes_alone() -> None:

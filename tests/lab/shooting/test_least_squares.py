@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lostmotion.lab.shooting import least_squares
 from lostmotion.lab.shooting.least_squares import START_PRIOR, Problem, Solution, _step, minimise
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Linearised
@@ -22,6 +23,16 @@ MODEL = build_model("play", values={name: Parameter(p.value, p.unit, p.low, p.hi
 """Two numbers are free, the play and the bar's damping."""
 UNKNOWNS = Unknowns.of(MODEL)
 RNG = np.random.default_rng(3)
+
+
+@pytest.fixture(autouse=True)
+def _lines_are_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The residuals of lines, which nothing simulates."""
+
+    def residuals(model: Model, segments: Sequence[Any], substep_s: float) -> list[FloatArray]:
+        return [one.residual(model, one.start, substep_s) for one in segments]
+
+    monkeypatch.setattr(least_squares, "residuals", residuals)
 
 
 class Recorded:
