@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from lostmotion.lab import experiments, explain, open_executor
 from lostmotion.lab.deadline import is_over, remaining_s, within
 from lostmotion.lab.inverse import free_parameters, regression
 from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.problem import Point
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import HandWaved, build_model
@@ -48,20 +51,21 @@ def test_a_fit_ends_with_what_it_knows_when_the_time_is_up(monkeypatch: pytest.M
     they cost.  Derivatives at the end took servos on busy cores half a minute more than they had."""
     model = build_model("servo", ["viscous_friction", "coulomb_friction"])
     signals = [Signals.of(one, is_force=False) for one in experiments(model, [servo(1), servo(2)])]
-    data, asked = OutputError.of(signals, model), []
+    data, asked = OutputError.of(signals, model), list[tuple[bool, int]]()
     count = len(Unknowns.of(model).items) + data.nuisance.size // 2
 
-    def counted(self: OutputError, *given: object) -> object:
-        asked.append(1)
-        return residual(self, *given)  # type: ignore[arg-type]
+    def counted(self: OutputError, points: Sequence[Point]) -> object:
+        asked.append((free_parameters.is_over(), len(points)))
+        return residuals(self, points)
 
-    residual = OutputError.residual
-    monkeypatch.setattr(OutputError, "residual", counted)
-    monkeypatch.setattr(free_parameters, "is_over", lambda: len(asked) > count + 3)
+    residuals = OutputError.residuals
+    monkeypatch.setattr(OutputError, "residuals", counted)
+    monkeypatch.setattr(free_parameters, "is_over", lambda: sum(number for _, number in asked) > count + 3)
     found = regression.regressed(model, data)
     assert np.isfinite(found.rms)
     assert found.jacobian.shape == (found.residual.size, found.count + found.nuisance.size)
-    assert count + 3 < len(asked) <= count + 8
+    assert free_parameters.is_over()
+    assert [is_late for is_late, number in asked if number > 1] == [False]
 
 
 def test_an_answer_comes_without_any_time() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
-from lostmotion.lab.inverse.problem import InverseModel
+from lostmotion.lab.inverse.problem import InverseModel, Point
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import ModelError, Sampled, build_model
@@ -78,19 +78,21 @@ def test_motion_that_the_torque_does_not_make_narrows_the_band(amplitude: float)
     assert band == widest if amplitude == 0.0 else band < min(widest, 15.0)
 
 
-@pytest.mark.parametrize(("lost", "is_refused"), [(2, True), (6, False)])
+@pytest.mark.parametrize(("lost", "is_refused"), [(2, True), (4, False)])
 def test_a_fit_ends_where_the_motion_can_still_be_simulated(
     lost: int, is_refused: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A simulation that fails for the derivatives after a step ends the fit at the values before it; for those at the
-    first values it is refused.  The first simulation is of the first values, three more are for the derivatives."""
-    model, residual, asked = build_model("joint", ["viscous_friction"]), InverseModel.residual, list[FloatArray]()
+    first values it is refused.  The first simulation is of the first values, the second one for the derivatives."""
+    model, residuals, asked = build_model("joint", ["viscous_friction"]), InverseModel.residuals, list[FloatArray]()
 
-    def overflowing(self: InverseModel, *given: Any) -> FloatArray:
-        asked.append(residual(self, *given))
-        return np.full_like(asked[-1], math.inf) if len(asked) == lost else asked[-1]
+    def overflowing(self: InverseModel, points: Sequence[Point]) -> FloatArray:
+        asked.append(residuals(self, points))
+        if len(asked) == lost:
+            asked[-1][-1] = math.inf
+        return asked[-1]
 
-    monkeypatch.setattr(InverseModel, "residual", overflowing)
+    monkeypatch.setattr(InverseModel, "residuals", overflowing)
     data = InverseModel.of([Signals.of(quivering(0.0, 0))], model)
     if is_refused:
         with pytest.raises(ModelError, match="near the first values"):
