@@ -13,7 +13,7 @@ takes its own parts of the step while the others wait.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -366,16 +366,23 @@ def solve(
     out = np.empty((K, records.size, times.size))
     states = np.empty((K, times.size, n) if keeps_states else (K, 0, 0))
     peak = 0.0
-    for first in range(0, K, LANES):
-        lanes = slice(first, first + LANES)
+    for lanes in _parts_of(K):
         part, coefficients = starts[lanes], _beside(_lanes_of(inputs, lanes))
         values = beside(_lanes_of(plans, lanes), _lanes_of(origins, lanes), coefficients.shape[1])
         found = integrate(
             plans[0], values, inputs[0].knots, coefficients, substep_s, len(part), times, records, out[lanes],
             states[lanes], work_for(plans[0], values, part), Parts.empty(),
         )  # fmt: skip
-        peak = peak if first else found
+        peak = peak if lanes.start else found
     return out, states, float(peak)
+
+
+def _parts_of(count: int) -> Iterator[slice]:
+    """Runs in equal parts of at most ``LANES``: one that was left alone would be rounded otherwise than those beside
+    which finite differences need it."""
+    many = -(-count // LANES)
+    size = -(-count // many)
+    return (slice(first, first + size) for first in range(0, count, size))
 
 
 def _lanes_of(every: Sequence[T], lanes: slice) -> Sequence[T]:
