@@ -180,7 +180,7 @@ class Model:
         origin = float(every[0])
         pieces = cut(drive, origin, max(float(every[-1]) - origin, 1e-3), self._delay)
         records = np.array(signals, dtype=np.int64)
-        return Run(self.plan(drive is not None), pieces, every - origin, origin, records, picks)
+        return Run(self.plan(drive is not None), pieces, every - origin, origin, records, (self._delay, rate), picks)
 
     def observer(self, drive: Motion | None, times: FloatArray, output: str, clock_zero: float) -> ObserverRun:
         """Ready to be run along a measurement of one output at these times, corrected by it; clock_zero as above."""

@@ -23,7 +23,8 @@ class Run:
     """Calling it with start states (K, n) and a sub-step [s] gives the outputs (K, outputs, N).
 
     They are not finite where the motion exceeds all numbers; nothing is checked.  grid: the times that are integrated;
-    picks: which of them each output shows, (outputs, N), or None for all in order.
+    timing: delay of the input [s] and rate of the sensor's clock; picks: which of the times each output shows,
+    (outputs, N), or None for all in order.
     """
 
     plan: Plan
@@ -31,6 +32,7 @@ class Run:
     grid: FloatArray
     origin: float
     records: IntArray
+    timing: tuple[float, float]
     picks: IntArray | None = None
 
     def __call__(self, starts: FloatArray, substep_s: float) -> FloatArray:
@@ -40,6 +42,8 @@ class Run:
         """Whether another run has the same terms and outputs, and knots and times at the same distances; none of a
         sensor with a clock of its own."""
         if other is None or self.plan.addresses is not other.plan.addresses or self.picks is not other.picks:
+            return False
+        if self.timing != other.timing:  # by less than the rounding of times, where a derivative is taken by them
             return False
         return (
             np.array_equal(self.records, other.records)

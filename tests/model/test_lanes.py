@@ -88,6 +88,17 @@ def test_a_delay_goes_alone() -> None:
     assert not run.goes_beside(build_model("play").prepare(motion, TIMES, ("accel",), 0.0))
 
 
+@pytest.mark.parametrize(("effect", "name"), [("command_delay", "T"), ("clock_skew", "s")])
+def test_a_delay_that_differs_by_less_than_rounding_goes_alone(effect: str, name: str) -> None:
+    """A derivative by a delay, or by the rate of a clock, shifts times by less than they are rounded."""
+    motion, model = driven("play"), build_model("play", [effect])
+    full = f"{effect}.{name}"
+    moved = model.replace({full: model.parameters[full].value * (1 + 3e-8)})
+    run, other = (one.prepare(motion, TIMES, ("accel",), 0.0) for one in (model, moved))
+    assert not run.goes_beside(other)
+    assert run.goes_beside(model.prepare(motion, TIMES, ("accel",), 0.0))
+
+
 def test_a_lane_that_diverges_leaves_the_others() -> None:
     """A gear that begins deep within the teeth has no finite motion; its neighbours do."""
     model = build_model("play")
