@@ -15,7 +15,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, models, overload, register_model
 
-__all__ = ["LANES", "POINTER", "VECTOR", "address", "call", "item", "lane", "offset"]
+__all__ = ["LANES", "POINTER", "VECTOR", "address", "call", "lane", "offset"]
 
 LANES = 16
 """Most simulations side by side: a fit of gears has 5 to 16 (an initial state, its changes and those of parameters)."""
@@ -118,14 +118,3 @@ def address(context: Any, array: Any, index: Any) -> Any:
         return builder.gep(data, [args[1]])
 
     return cast(Any, types).CPointer(array.dtype)(array, index), codegen
-
-
-@_intrinsic
-def item(context: Any, array: Any, index: Any) -> Any:
-    """array[index] of one dimension, without the checks of an index."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return builder.load(builder.gep(data, [args[1]]))
-
-    return array.dtype(array, index), codegen

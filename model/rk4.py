@@ -190,9 +190,7 @@ def memory(w: Work) -> Any:
 
 
 @jitted
-def polynomial(
-    c0: float, c1: float, c2: float, c3: float, c4: float, c5: float, tau: float
-) -> tuple[float, float]:  # fmt: skip
+def polynomial(c0: float, c1: float, c2: float, c3: float, c4: float, c5: float, tau: float) -> tuple[float, float]:
     """The polynomial with these coefficients, lowest order first, and its derivative at tau."""
     value = c0 + tau * (c1 + tau * (c2 + tau * (c3 + tau * (c4 + tau * c5))))
     return value, c1 + tau * (2 * c2 + tau * (3 * c3 + tau * (4 * c4 + tau * (5 * c5))))
@@ -201,7 +199,7 @@ def polynomial(
 @jitted
 def inputs(
     m: Any, w: Any, c: Pointer, left: float, since: Pointer, part: float, h: Pointer, first: int, end: int
-) -> None:  # fmt: skip
+) -> None:
     """Sets the time, and the input with its derivative, at a part of the steps h [s] of the lanes first … end - 1.
 
     They begin ``since`` [s] after a knot, ``left`` [s] from the origins of their times, from which the polynomial c

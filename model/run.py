@@ -38,35 +38,36 @@ class Run:
     def __call__(self, starts: FloatArray, substep_s: float) -> FloatArray:
         return run_beside([self], starts, substep_s)
 
-    def goes_beside(self, other: Run | None) -> bool:
+    def goes_beside(self, other: Run) -> bool:
         """Whether another run has the same terms and outputs, and knots and times at the same distances; none of a
         sensor with a clock of its own."""
-        if other is None or self.plan.addresses is not other.plan.addresses or self.picks is not other.picks:
+        if self.plan.addresses is not other.plan.addresses or self.picks is not other.picks:
             return False
         if self.timing != other.timing:  # by less than the rounding of times, where a derivative is taken by them
             return False
         return (
             np.array_equal(self.records, other.records)
-            and (self.pieces is other.pieces or _are_alike(self.pieces.knots, other.pieces.knots))
+            and _are_alike(self.pieces.knots, other.pieces.knots)
             and _are_alike(self.grid, other.grid)
         )
 
 
 def _are_alike(one: FloatArray, other: FloatArray) -> bool:
     """Whether two arrays of times are the same but for rounding."""
-    return one.size == other.size and bool(np.abs(one - other).max() <= ROUNDING * one[-1])
+    return one is other or (one.size == other.size and bool(np.abs(one - other).max() <= ROUNDING * one[-1]))
 
 
 def run_each(runs: Sequence[Run | None], starts: FloatArray, substep_s: float) -> list[FloatArray | None]:
     """The outputs (outputs, N) of each run from its state, starts (K, n); None stays None.  Runs that go beside each
     other are computed together."""
     found: list[FloatArray | None] = [None] * len(runs)
-    left = [i for i, run in enumerate(runs) if run is not None]
+    left = {i: run for i, run in enumerate(runs) if run is not None}
     while left:
-        beside = {i: run for i in left if (run := runs[i]) is not None and run.goes_beside(runs[left[0]])}
+        first = next(iter(left.values()))
+        beside = {i: run for i, run in left.items() if run.goes_beside(first)}
         for i, out in zip(beside, run_beside([*beside.values()], starts[[*beside]], substep_s), strict=True):
             found[i] = out
-        left = [i for i in left if i not in beside]
+        left = {i: run for i, run in left.items() if i not in beside}
     return found
 
 

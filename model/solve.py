@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
-from lostmotion.model.lanes import LANES, VECTOR, address, item, offset
+from lostmotion.model.lanes import LANES, VECTOR, address, offset
 from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import (
     FloatArray,
@@ -117,9 +117,7 @@ def _halvings(stiffness: float) -> int:
 
 
 @jitted
-def _creep(
-    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, one: int
-) -> bool:  # fmt: skip
+def _creep(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, one: int) -> bool:
     """One exponential Rosenbrock-Euler step of a joint that friction holds, in one lane, from x with slopes k1 to the
     states z with slopes k, both useless where it returns False: where the joint does not creep, or is not stiff.  A lag
     that has a state of its own takes a midpoint step.
@@ -189,7 +187,7 @@ def _keep(
     run(m, w, w.k, m.live, m.count, first, end)
     for k in range(first, min(end, count)):
         for r in range(records.size):
-            out[k, r, o] = w.s[item(records, r) * LANES + k]
+            out[k, r, o] = w.s[records[r] * LANES + k]
         for i in range(states.shape[2]):
             states[k, o, i] = z[i * LANES + k]
 
@@ -354,30 +352,31 @@ def start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: fl
 
 
 def solve(
-    plans: Sequence[Plan], inputs: Sequence[Pieces], substep_s: float, starts: FloatArray, times: FloatArray,
+    plans: Sequence[Plan], pieces: Sequence[Pieces], substep_s: float, starts: FloatArray, times: FloatArray,
     records: IntArray, origins: Sequence[float], *, keeps_states: bool = False,
 ) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
     """Runs from the states starts (K, n), with a plan, an input, and an origin of their times each, or one of all.
 
-    Plans have the same terms, inputs the same knots; see ``_integrate``.  Returns the signals (K, records, N), the
-    states (K, N, n), none unless asked for, and the largest magnitude of the watched signal of the first run.
+    Plans have the same terms, pieces (of the inputs) the same knots; see ``_integrate``.  Returns the signals
+    (K, records, N), the states (K, N, n), none unless asked for, and the largest magnitude of the watched signal of the
+    first run.
     """
     K, n = starts.shape
     out = np.empty((K, records.size, times.size))
     states = np.empty((K, times.size, n) if keeps_states else (K, 0, 0))
     peak = 0.0
-    for lanes in _parts_of(K):
-        part, coefficients = starts[lanes], _beside(_lanes_of(inputs, lanes))
+    for lanes in _batches(K):
+        part, coefficients = starts[lanes], _coefficients(_lanes_of(pieces, lanes))
         values = beside(_lanes_of(plans, lanes), _lanes_of(origins, lanes), coefficients.shape[1])
         found = integrate(
-            plans[0], values, inputs[0].knots, coefficients, substep_s, len(part), times, records, out[lanes],
+            plans[0], values, pieces[0].knots, coefficients, substep_s, len(part), times, records, out[lanes],
             states[lanes], work_for(plans[0], values, part), Parts.empty(),
         )  # fmt: skip
         peak = peak if lanes.start else found
     return out, states, float(peak)
 
 
-def _parts_of(count: int) -> Iterator[slice]:
+def _batches(count: int) -> Iterator[slice]:
     """Runs in equal parts of at most ``LANES``: one that was left alone would be rounded otherwise than those beside
     which finite differences need it."""
     many = -(-count // LANES)
@@ -390,10 +389,10 @@ def _lanes_of(every: Sequence[T], lanes: slice) -> Sequence[T]:
     return every if len(every) == 1 else every[lanes]
 
 
-def _beside(inputs: Sequence[Pieces]) -> FloatArray:
+def _coefficients(pieces: Sequence[Pieces]) -> FloatArray:
     """The coefficients of one input (K, 6), or of several in lanes (K, 6 x LANES)."""
-    if len(inputs) == 1:
-        return inputs[0].coefficients
-    at = np.minimum(np.arange(LANES), len(inputs) - 1)
-    every = np.array([one.coefficients for one in inputs])
+    if len(pieces) == 1:
+        return pieces[0].coefficients
+    at = np.minimum(np.arange(LANES), len(pieces) - 1)
+    every = np.array([one.coefficients for one in pieces])
     return np.ascontiguousarray(every.transpose(1, 2, 0)[:, :, at]).reshape(len(every[0]), -1)

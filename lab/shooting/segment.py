@@ -93,7 +93,7 @@ class Segment:
         """The residuals (K, M) from several initial states (K, n); see ``residual``."""
         run = self.prepared(model)
         if run is None:
-            return np.full((len(starts), self._targets[0].size), np.inf)
+            return self.impossible(len(starts))
         return self.compared(run(starts, substep_s))
 
     def prepared(self, model: Model) -> Run | None:
@@ -111,6 +111,10 @@ class Segment:
             r = (values - (every if seen is None else every[:, seen])) * weights
         r[~np.isfinite(r).all(axis=1)] = np.inf
         return r
+
+    def impossible(self, count: int) -> FloatArray:
+        """The residuals (count, M) of motions that cannot be simulated: infinite."""
+        return np.full((count, self._targets[0].size), np.inf)
 
     @cached_property
     def _targets(self) -> tuple[FloatArray, FloatArray, NDArray[np.bool_] | None]:
@@ -130,9 +134,9 @@ class Segment:
         own = self.experiment.model
         at, around = unknowns.around(model, z, by)
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
-        models = [own(at)] * len(moved) + [own(there) for there, _ in around]
+        runs = [self.prepared(own(at))] * len(moved) + [self.prepared(own(there)) for there, _ in around]
         starts = np.vstack([moved, np.tile(self.start, (len(around), 1))])
-        r, *others = _compared([self] * len(models), models, starts, substep_s)
+        r, *others = _compared([self] * len(runs), runs, starts, substep_s)
         steps = [by] * self.start.size + [step for _, step in around]
         slopes = ((np.array(others) - r) / np.array(steps)[:, None]).T
         return Linearised(r, slopes[:, self.start.size :], slopes[:, : self.start.size])
@@ -140,19 +144,19 @@ class Segment:
 
 def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
     """The residual of each segment (M_i,) from its initial state; see ``Segment.residual``."""
-    models = [one.experiment.model(model) for one in segments]
-    return _compared(segments, models, [one.start for one in segments], substep_s)
+    runs = [one.prepared(one.experiment.model(model)) for one in segments]
+    return _compared(segments, runs, [one.start for one in segments], substep_s)
 
 
 def _compared(
-    segments: Sequence[Segment], models: Sequence[Model], starts: Sequence[FloatArray] | FloatArray, substep_s: float
+    segments: Sequence[Segment], runs: Sequence[Run | None], starts: Sequence[FloatArray] | FloatArray, substep_s: float
 ) -> list[FloatArray]:
-    """The residual (M_i,) of each segment by its model, from a state (n,); infinite where it cannot be simulated."""
-    runs = [one.prepared(model) for one, model in zip(segments, models, strict=True)]
+    """The residual (M_i,) of a run over each segment, from a state (n,); infinite where it cannot be simulated."""
     found = run_each(runs, np.asarray(starts), substep_s)
-    impossible = (np.full((len(one.experiment.measured), one.experiment.time.size), np.inf) for one in segments)
-    every = [no if out is None else out for out, no in zip(found, impossible, strict=True)]
-    return [one.compared(out[None])[0] for one, out in zip(segments, every, strict=True)]
+    return [
+        one.impossible(1)[0] if out is None else one.compared(out[None])[0]
+        for one, out in zip(segments, found, strict=True)
+    ]
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:
