@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
-from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.registry import is_foreign
@@ -37,7 +36,6 @@ __all__ = [
     "read_recordings",
     "replaced",
     "replacing",
-    "toml_value",
     "write_recording",
 ]
 

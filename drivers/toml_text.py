@@ -1,4 +1,4 @@
-"""TOML that comes from outside, parsed within bounds: whatever the text holds, the result is values or one error.
+"""TOML: values of a text, within bounds, or one error, whatever the text holds; and values as text.
 
 ``tomllib`` alone follows nested values until the stack ends, takes whole numbers that Python then refuses to print, and
 needs minutes for a key of many parts.  What the values mean is the callers' business.  No file is opened here.
@@ -6,12 +6,15 @@ needs minutes for a key of many parts.  What the values mean is the callers' bus
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
-from datetime import datetime
+from collections.abc import Mapping, Sequence
+from datetime import date, datetime, time
+from numbers import Integral, Real
 from typing import Any
 
-__all__ = ["WORDS", "TomlError", "at", "in_words", "loads"]
+__all__ = ["WORDS", "TomlError", "at", "in_words", "loads", "toml_key", "toml_value"]
 
 MOST_LEVELS = 64
 """of tables and lists within each other, and of parts in a key"""
@@ -58,6 +61,31 @@ def loads(text: str) -> dict[str, Any]:
         raise TomlError("found a number that is too long, expected whole numbers of at most 64 bits") from error
     _check(tables)
     return tables
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML on one line.  Raises TypeError for what TOML does not have."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Integral):
+        return str(int(value))
+    if isinstance(value, Real):
+        return repr(float(value))
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, datetime | date | time):
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, Sequence):
+        return f"[{', '.join(toml_value(item) for item in value)}]"
+    raise TypeError(f"found {type(value).__name__}, expected a value that TOML has")
+
+
+def toml_key(key: str) -> str:
+    """A key, in quotation marks where it needs them."""
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
 
 
 def at(value: Any, path: str) -> Any:

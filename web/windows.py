@@ -12,6 +12,7 @@ from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.quality import mended
 from lostmotion.detector.spectrum import amplitudes, bands, frequencies, transform
 from lostmotion.detector.window import DetectorSettings
+from lostmotion.drivers.codec.recording_csv import head_text
 
 __all__ = ["Picture", "csv", "picture"]
 
@@ -63,9 +64,8 @@ def picture(row: WindowRow, settings: DetectorSettings | None) -> Picture:
 def csv(row: WindowRow, settings: DetectorSettings | None) -> str:
     """The window as a recording, with the commanded motion where it was kept."""
     text = io.StringIO()
-    text.write(f'# joint = "{_toml(row.joint)}"\n# begin = "{iso(row.time)}"\n')
-    if settings:
-        text.write(f"# f_res_hz = {settings.f_res_hz!r}\n# zeta = {settings.zeta!r}\n")
+    bar = {"f_res_hz": settings.f_res_hz, "zeta": settings.zeta} if settings else {}
+    text.write(head_text({"joint": row.joint, "begin": iso(row.time)} | bar))
     text.write("time,command,accel\n")
     commands = {round(time, 6): _cell(angle) for time, angle in row.command.T.tolist()}
     accels = {round(row.offset + k / row.rate_hz, 6): _cell(value) for k, value in enumerate(row.accel.tolist())}
@@ -90,8 +90,3 @@ def _bands(length: int, rate_hz: float, settings: DetectorSettings | None) -> tu
     runs = np.split(found.norm, np.flatnonzero(np.diff(found.norm) > 1) + 1)
     norm = [(float(run[0] - 0.5) * width, float(run[-1] + 0.5) * width) for run in runs if run.size]
     return [((found.mask.start - 0.5) * width, (found.mask.stop - 0.5) * width)], norm
-
-
-def _toml(text: str) -> str:
-    """A text within the quotes of TOML."""
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")

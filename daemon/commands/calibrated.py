@@ -9,6 +9,7 @@ from typing import Any
 
 from lostmotion.daemon.commands import output
 from lostmotion.drivers.errors import LostmotionError
+from lostmotion.drivers.toml_text import toml_value
 
 __all__ = ["CalibrationError", "lines_of", "report"]
 
@@ -19,7 +20,7 @@ class CalibrationError(LostmotionError):
 
 def lines_of(values: Mapping[str, Any], comment: str, inline: str = "") -> list[str]:
     """The values as lines of TOML under a comment: a line each, or one inline table of that name."""
-    pairs = [f"{key} = {_toml(value)}" for key, value in values.items()]
+    pairs = [f"{key} = {toml_value(value)}" for key, value in values.items()]
     return [f"# {comment}", *([f"{inline} = {{ {', '.join(pairs)} }}"] if inline else pairs)]
 
 
@@ -58,9 +59,3 @@ def _write_new(target: Path, lines: Sequence[str]) -> None:
         raise CalibrationError(
             f"{target}: cannot be written: {error.strerror}; is there a folder, and room?"
         ) from error
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(_toml(one) for one in value)}]"
-    return f'"{value}"' if isinstance(value, str) else f"{value}"

@@ -9,6 +9,7 @@ from lostmotion.drivers.codec.servo_state import MODELS, Model
 from lostmotion.drivers.probe.port import Look
 from lostmotion.drivers.probe.servos import FoundServo
 from lostmotion.drivers.probe.streams import FoundSensor
+from lostmotion.drivers.toml_text import toml_value
 
 __all__ = ["configuration"]
 
@@ -83,11 +84,11 @@ def _sensor(name: str, port: str, sensor: FoundSensor) -> Iterator[str]:
     yield "[[accelerometer]]"
     yield f'name = "{name}"'
     yield f'driver = "{sensor.driver}"'
-    yield f"port = {_quoted(port)}" + ("   # FILL IN: no sensor was found" if port == NOWHERE else "")
+    yield f"port = {toml_value(port)}" + ("   # FILL IN: no sensor was found" if port == NOWHERE else "")
     yield f"baudrate = {sensor.baudrate}"
     yield f"rate_hz = {sensor.rate_hz:g}" + ("" if port == NOWHERE else "   # measured")
     for key, value in sensor.options.items():
-        yield f"{key} = {_quoted(value) if isinstance(value, str) else value}{_hint(key, sensor)}"
+        yield f"{key} = {toml_value(value)}{_hint(key, sensor)}"
     if sensor.driver == "csv_serial":
         yield f"scale = 1.0               # FILL IN: m/s² per unit of the reading{_seen(sensor)}"
     f_res = min(USUAL_F_RES_HZ, round(sensor.rate_hz / SAMPLES_A_PERIOD, 1))
@@ -119,7 +120,7 @@ def _bus(port: str, servos: Sequence[FoundServo], prefix: str) -> Iterator[str]:
         yield "[[joint]]"
         yield f'name = "{prefix}{name}"'
         yield f'driver = "{servo.driver}"'
-        yield f"port = {_quoted(port)}" + ("   # FILL IN: no servo was found" if port == NOWHERE else "")
+        yield f"port = {toml_value(port)}" + ("   # FILL IN: no servo was found" if port == NOWHERE else "")
         yield f"baudrate = {servo.baudrate}"
         yield f'model = "{servo.model}"'
         yield f"id = {servo.id}"
@@ -141,7 +142,3 @@ def _poll_hz(servos: Sequence[FoundServo]) -> int:
     models = [known[servo.model] for servo in servos if servo.model]
     cycle = sum((model.block_size + 2 * FRAME) * byte_s + TURN_S * (not model.syncs) for model in models)
     return next((rate for rate in POLLS_HZ if rate * cycle <= BUSY), POLLS_HZ[-1])
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -6,13 +6,10 @@ No file is opened here, and no unit converted.
 from __future__ import annotations
 
 import csv
-import json
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, datetime, time
 from itertools import chain, islice
 from typing import Any, TextIO
 
@@ -23,7 +20,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.units import COLUMN_UNITS
 
-__all__ = ["ROWS_AT_ONCE", "Table", "cells", "head_text", "parse", "text_lines", "toml_value"]
+__all__ = ["ROWS_AT_ONCE", "Table", "cells", "head_text", "parse", "text_lines"]
 
 ROWS_AT_ONCE = 16384  # bounds the text held in memory while a file of any length is read or written
 LARGEST = 1e30
@@ -203,33 +200,9 @@ def _is_whole(row: list[str], header: list[str]) -> bool:
 
 def head_text(metadata: Mapping[str, Any]) -> str:
     """The ``# key = value`` lines of a recording."""
-    return "".join(f"# {_toml_key(key)} = {toml_value(value)}\n" for key, value in metadata.items())
+    return "".join(f"# {toml_text.toml_key(key)} = {toml_text.toml_value(value)}\n" for key, value in metadata.items())
 
 
 def cells(values: FloatArray) -> list[float | str]:
     """A column as csv.writer takes it: floats, which it writes so that they read back the same, empty for NaN."""
     return ["" if value != value else value for value in values.tolist()]
-
-
-def toml_value(value: object) -> str:
-    """A value as TOML on one line.  Raises TypeError for what TOML does not have."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | np.integer):
-        return str(int(value))
-    if isinstance(value, float | np.floating):
-        return repr(float(value))
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, datetime | date | time):
-        return value.isoformat()
-    if isinstance(value, Mapping):
-        inner = ", ".join(f"{_toml_key(key)} = {toml_value(item)}" for key, item in value.items())
-        return f"{{ {inner} }}" if inner else "{}"
-    if isinstance(value, Sequence):
-        return f"[{', '.join(toml_value(item) for item in value)}]"
-    raise TypeError(f"found {type(value).__name__}, expected a value that TOML has")
-
-
-def _toml_key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
-from lostmotion.drivers.codec.recording_csv import toml_value
 from lostmotion.drivers.codec.ros2_messages import IMU, JOINT_STATE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.recording import Recording
+from lostmotion.drivers.toml_text import toml_value
 
 __all__ = ["write_mcap"]
 

@@ -24,8 +24,9 @@ import msgspec
 
 from lostmotion.drivers import toml_text
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.recording import replacing, toml_value
+from lostmotion.drivers.recording import replacing
 from lostmotion.drivers.textfile import TextFileError, read_text, shortened
+from lostmotion.drivers.toml_text import toml_value
 from lostmotion.lab.errors import EffectFileError, ModelFileError
 from lostmotion.lab.models.own import OwnEffect, is_reference, load_effect, reference
 from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
