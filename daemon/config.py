@@ -33,7 +33,8 @@ from lostmotion.daemon.sinks import SinkType
 from lostmotion.daemon.sinks import registry as sink_registry
 from lostmotion.detector.window import DetectorSettings
 from lostmotion.drivers import registry, toml_text
-from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, RobotOptions
+from lostmotion.drivers.base import Accelerometer, AccelerometerOptions, Driver, JointOptions, RobotOptions, ServoBus
+from lostmotion.drivers.clock import Clock, SystemClock
 from lostmotion.drivers.errors import LostmotionError, UnknownDriverError
 from lostmotion.drivers.textfile import TextFileError, near, read_text, shortened
 
@@ -99,6 +100,28 @@ class Config:
         for joint in self.joints:
             groups.setdefault((joint.driver, joint.port), []).append(joint)
         return [tuple(group) for group in groups.values()]
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether the robot has a time of its own: all its devices are of one driver, which waits for its reader."""
+        return any(driver.waits for driver in self.drivers.values())
+
+    def make_clock(self) -> Clock:
+        """The clock of the robot."""
+        driver = next(iter(self.drivers.values()))
+        return driver.clock(self.robots[driver.name]) if driver.clock else SystemClock()
+
+    def make_bus(self, joints: Sequence[JointOptions], clock: Clock) -> ServoBus:
+        """The bus of joints that share a port, not open.  Raises DriverError."""
+        driver = self.drivers[joints[0].driver]
+        assert driver.servo is not None  # checked when the configuration was decoded
+        return driver.servo(joints, self.robots[driver.name], clock)
+
+    def make_accelerometer(self, options: AccelerometerOptions, clock: Clock) -> Accelerometer:
+        """An accelerometer, not open.  Raises DriverError."""
+        driver = self.drivers[options.driver]
+        assert driver.accelerometer is not None  # checked when the configuration was decoded
+        return driver.accelerometer(options, self.robots[driver.name], clock)
 
     def accelerometer(self, name: str) -> AccelerometerOptions:
         """The accelerometer of that name, which must exist."""

@@ -149,7 +149,7 @@ def _ports(config: Config) -> None:
     first: dict[str, tuple[str, JointOptions | AccelerometerOptions]] = {}
     ids: dict[tuple[str, object], str] = {}
     for path, item in _devices(config):
-        if config.drivers[item.driver].waits or not item.port:
+        if config.is_virtual or not item.port:
             continue
         other_path, other = first.setdefault(item.port, (path, item))
         number = getattr(item, "id", None)
@@ -297,14 +297,12 @@ def _robots(config: Config) -> None:
 
 def _drivers_agree(config: Config) -> None:
     """Lets the drivers look at their own options; a virtual robot's devices are costly to make and check at start."""
+    if config.is_virtual:
+        return
     for joints in config.buses():
-        driver = config.drivers[joints[0].driver]
-        if driver.servo and not driver.waits:
-            driver.servo(joints, config.robots[driver.name], SystemClock())
+        config.make_bus(joints, SystemClock())
     for sensor in config.accelerometers:
-        driver = config.drivers[sensor.driver]
-        if driver.accelerometer and not driver.waits:
-            driver.accelerometer(sensor, config.robots[driver.name], SystemClock())
+        config.make_accelerometer(sensor, SystemClock())
 
 
 def _bands(config: Config, joint: JointOptions) -> None:

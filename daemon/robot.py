@@ -16,8 +16,7 @@ from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_STORE_ONLY_S, Pipeli
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.sensorcheck import SensorCheck
-from lostmotion.drivers.base import AccelerometerOptions, Driver, JointOptions, ServoSample
-from lostmotion.drivers.clock import Clock, SystemClock
+from lostmotion.drivers.base import AccelerometerOptions, JointOptions, ServoSample
 
 __all__ = ["Robot"]
 
@@ -36,14 +35,13 @@ class Robot:
         self.config = config
         self.stop = threading.Event()
         self.inbox = Inbox()
-        self._virtual = any(driver.waits for driver in config.drivers.values())
-        self.clock = _clock(config)
+        self.clock = config.make_clock()
         self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
         self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
         plans = [_plan(config, joint) for joint in config.joints]
         is_published = bool(config.sinks)
         together_s = TOGETHER_S if is_published else TOGETHER_STORE_ONLY_S
-        self.pipeline = Pipeline(plans, self.rings, self._virtual, map(Attributor, _shared(config)), together_s)
+        self.pipeline = Pipeline(plans, self.rings, config.is_virtual, map(Attributor, _shared(config)), together_s)
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
         self._losses = {member: Losses() for member in self._by_member}
         self._checks = {sensor.name: self._check(sensor.name) for sensor in config.accelerometers}
@@ -138,7 +136,7 @@ class Robot:
             return status.faults[member]
         if status.state in BAD:
             return poller.named(status.reason)
-        if self._virtual or status.state is DeviceState.ENDED:
+        if self.config.is_virtual or status.state is DeviceState.ENDED:
             return ""
         last_seen, now = status.last_seen.get(member), time.monotonic()
         if now - (last_seen or self._started) > DEAD_S and status.state is DeviceState.READING:
@@ -148,7 +146,7 @@ class Robot:
     def _lost(self, member: str) -> str:
         """Which share of its samples is lost, "" while that is little."""
         poller, losses, now = self._by_member[member], self._losses[member], time.monotonic()
-        if poller.status.state is not DeviceState.READING or self._virtual:
+        if poller.status.state is not DeviceState.READING or self.config.is_virtual:
             losses.clear()
             return ""
         if member not in poller.status.last_seen:
@@ -167,7 +165,7 @@ class Robot:
         return [poller.name for poller in self.pollers if now - poller.pulse > patience_s]
 
     def _ring(self, sensor: AccelerometerOptions) -> Ring:
-        seconds = VIRTUAL_RING_S if self._virtual else RING_S
+        seconds = VIRTUAL_RING_S if self.config.is_virtual else RING_S
         return Ring(max(int(seconds * sensor.rate_hz), 1024), self.inbox.waker)
 
     def _check(self, sensor: str) -> SensorCheck:
@@ -178,30 +176,21 @@ class Robot:
 
     def _buses(self) -> Iterator[BusPoller]:
         for joints in self.config.buses():
-            driver = self.config.drivers[joints[0].driver]
-            assert driver.servo is not None
-            bus = driver.servo(joints, self.config.robots[driver.name], self.clock)
-            name = f"{driver.name} {joints[0].port}".strip()
-            yield BusPoller(name, tuple(joint.name for joint in joints), bus, self.stop, self.inbox, driver.waits)
+            bus = self.config.make_bus(joints, self.clock)
+            name, names = f"{joints[0].driver} {joints[0].port}".strip(), tuple(joint.name for joint in joints)
+            yield BusPoller(name, names, bus, self.stop, self.inbox, self.config.is_virtual)
 
     def _sensors(self) -> Iterator[AccelPoller]:
         for options in self.config.accelerometers:
-            driver = self.config.drivers[options.driver]
-            assert driver.accelerometer is not None
-            sensor = driver.accelerometer(options, self.config.robots[driver.name], self.clock)
+            sensor = self.config.make_accelerometer(options, self.clock)
             ring, period = self.rings[options.name], 1 / options.rate_hz
-            yield AccelPoller(options.name, sensor, self.stop, ring, period, driver.waits)
+            yield AccelPoller(options.name, sensor, self.stop, ring, period, self.config.is_virtual)
 
 
 def _record(capture: Capture, samples: list[ServoSample]) -> None:
     of_joint = [sample for sample in samples if sample.joint == capture.joint]
     if of_joint:
         capture.add(of_joint)
-
-
-def _clock(config: Config) -> Clock:
-    driver: Driver = next(iter(config.drivers.values()))
-    return driver.clock(config.robots[driver.name]) if driver.clock else SystemClock()
 
 
 def _plan(config: Config, joint: JointOptions) -> JointPlan:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from sqlite_utils import Database
 
 __all__ = [
-    "ClockPair",
     "check_adapters",
     "check_can",
     "check_clock",
@@ -39,6 +38,7 @@ __all__ = [
     "check_history",
     "check_learnt",
     "check_versions",
+    "clock_offset",
 ]
 
 SYSTEM = "system"
@@ -58,22 +58,19 @@ WINDOWS_A_DAY = 86400.0
 """A joint that reverses once a second all day, where there is no history."""
 
 
-class ClockPair:
-    """Wall and monotonic clock at one moment; ``drift`` is by how much they have moved apart since [s]."""
-
-    def __init__(self) -> None:
-        self._start = time.time() - time.monotonic()
-
-    def drift(self) -> float:
-        return time.time() - time.monotonic() - self._start
+def clock_offset() -> float:
+    """How far the system's clock is ahead of the monotonic one [s]."""
+    return time.time() - time.monotonic()
 
 
-def check_clock(since: ClockPair, virtual: bool) -> Iterator[Check]:
-    """The system's clock.  A virtual robot has its own time, so its host need not be synchronised."""
+def check_clock(before: float, virtual: bool) -> Iterator[Check]:
+    """The system's clock; before: ``clock_offset`` at the begin of the pass.  A virtual robot has its own time, so its
+    host need not be synchronised."""
     year = datetime.now(UTC).year
     yield within(SYSTEM, "year", year, "", *YEARS, "the clock was never set: no network time, and no battery")
     cause = "the clock was stepped during the pass; scores stay right, their UTC jumps"
-    yield within(SYSTEM, "clock step during the pass", round(abs(since.drift()), 6), "s", None, DRIFT_S, cause)
+    step = round(abs(clock_offset() - before), 6)
+    yield within(SYSTEM, "clock step during the pass", step, "s", None, DRIFT_S, cause)
     if not virtual:
         ok = is_synchronised()
         cause = "" if ok else "no network time: is systemd-timesyncd or chrony running, and the network up?"
@@ -183,7 +180,7 @@ def _columns(db: Database) -> set[str]:
 def check_adapters(config: Config, root: Path = USB_SERIAL) -> Iterator[Check]:
     """The latency timer of FTDI adapters: at its usual 16 ms a bus manages 10 cycles a second."""
     items: list[JointOptions | AccelerometerOptions] = [*config.joints, *config.accelerometers]
-    for port in dict.fromkeys(item.port for item in items if item.port and not config.drivers[item.driver].waits):
+    for port in dict.fromkeys(item.port for item in items if item.port and not config.is_virtual):
         timer = root / Path(port).resolve().name / "latency_timer"
         if timer.exists():
             cause = f'its usual setting; a udev rule with ATTR{{latency_timer}}="1", or now: echo 1 > {timer}'

@@ -17,7 +17,6 @@ from typing import Self
 
 from lostmotion.daemon.config import Config
 from lostmotion.drivers.base import AccelBlock, Accelerometer, Identity, ServoBus, ServoReading
-from lostmotion.drivers.clock import Clock, SystemClock
 from lostmotion.drivers.errors import DriverError, EndOfData
 
 __all__ = ["Device", "Devices", "Event"]
@@ -68,15 +67,13 @@ class Devices:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        driver = next(iter(config.drivers.values()))  # a virtual robot has one driver, all hardware has one clock
-        self.clock: Clock = driver.clock(config.robots[driver.name]) if driver.clock else SystemClock()
+        self.clock = config.make_clock()
         self.all = [*self._buses(), *self._accelerometers()]
         self._going = {device.name for device in self.all}
         self._streams = {device.name: self._stream(device) for device in self.all}
-        self._waits = driver.waits
         self._stop = threading.Event()
         self._events: Queue[Event] = Queue(WAITING)
-        threaded = () if driver.waits else self.all
+        threaded = () if config.is_virtual else self.all
         self._threads = [threading.Thread(target=self._read, args=(device,), daemon=True) for device in threaded]
 
     def __enter__(self) -> Self:
@@ -96,7 +93,7 @@ class Devices:
     def identities(self) -> list[Event]:
         """Who the devices are, once each has answered or failed; hardware's samples until then are not kept."""
         answers = []
-        if self._waits:
+        if self._config.is_virtual:
             answers = [next(stream) for stream in self._streams.values()]
         while {event.device.name for event in answers} < self._streams.keys():
             event = self._events.get()
@@ -112,7 +109,7 @@ class Devices:
         """
         until = self.clock.now() + duration_s
         behind = set(self._going)
-        for event in self._in_turn() if self._waits else self._from_threads(until + GRACE_S):
+        for event in self._in_turn() if self._config.is_virtual else self._from_threads(until + GRACE_S):
             if event.ended or event.newest >= until:
                 behind.discard(event.device.name)
             yield event
@@ -138,17 +135,12 @@ class Devices:
 
     def _buses(self) -> Iterator[Device]:
         for joints in self._config.buses():
-            driver = self._config.drivers[joints[0].driver]
-            assert driver.servo is not None  # the configuration was checked
-            bus = driver.servo(joints, self._config.robots[driver.name], self.clock)
             names = tuple(joint.name for joint in joints)
-            yield Device(f"servos {', '.join(names)}", names, bus)
+            yield Device(f"servos {', '.join(names)}", names, self._config.make_bus(joints, self.clock))
 
     def _accelerometers(self) -> Iterator[Device]:
         for options in self._config.accelerometers:
-            driver = self._config.drivers[options.driver]
-            assert driver.accelerometer is not None  # the configuration was checked
-            sensor = driver.accelerometer(options, self._config.robots[driver.name], self.clock)
+            sensor = self._config.make_accelerometer(options, self.clock)
             yield Device(f"accelerometer {options.name}", (options.name,), sensor)
 
     def _stream(self, device: Device) -> Iterator[Event]:

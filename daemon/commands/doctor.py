@@ -10,7 +10,6 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.checks import Check
 from lostmotion.daemon.commands.checks_devices import PASS_S, check_devices
 from lostmotion.daemon.commands.checks_system import (
-    ClockPair,
     check_adapters,
     check_can,
     check_clock,
@@ -18,6 +17,7 @@ from lostmotion.daemon.commands.checks_system import (
     check_history,
     check_learnt,
     check_versions,
+    clock_offset,
 )
 from lostmotion.daemon.commands.where import find_config
 
@@ -28,10 +28,9 @@ def doctor(given: Path | None, as_json: bool) -> int:
     """Prints all checks, and the notes on the configuration; 1 when a check is bad.  Raises ConfigError."""
     config = find_config(given, runs=True)
     sys.stderr.write(f"measuring for about {PASS_S:g} s ...\n")
-    clocks = ClockPair()
+    offset = clock_offset()
     checks = check_devices(config)
-    virtual = any(driver.waits for driver in config.drivers.values())
-    checks += [*check_adapters(config), *check_can(config), *check_clock(clocks, virtual)]
+    checks += [*check_adapters(config), *check_can(config), *check_clock(offset, config.is_virtual)]
     checks += [*check_disk(config), *check_history(config), *check_learnt(config), *check_versions()]
     bad = [check for check in checks if not check.ok]
     if as_json:

@@ -18,7 +18,13 @@ import pytest
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands.checks import within
-from lostmotion.daemon.commands.checks_system import ClockPair, check_adapters, check_clock, check_disk, check_history
+from lostmotion.daemon.commands.checks_system import (
+    check_adapters,
+    check_clock,
+    check_disk,
+    check_history,
+    clock_offset,
+)
 from lostmotion.daemon.records import JointRow
 from lostmotion.daemon.store import Store
 from lostmotion.drivers.emulator import Emulator, Motion, WitMotionStream
@@ -367,10 +373,9 @@ def test_room_is_never_negative(robot: Path) -> None:
 
 def test_clock_that_steps() -> None:
     """Wall and monotonic clock that move apart during the pass are bad."""
-    clocks = ClockPair()
-    assert all(check.ok for check in check_clock(clocks, virtual=True))
-    clocks._start -= 1.0
-    assert [check.check for check in check_clock(clocks, virtual=True) if not check.ok] == [
+    offset = clock_offset()
+    assert all(check.ok for check in check_clock(offset, virtual=True))
+    assert [check.check for check in check_clock(offset - 1.0, virtual=True) if not check.ok] == [
         "clock step during the pass"
     ]
 
