@@ -31,13 +31,13 @@ from lostmotion.drivers.canopen_mapping import Ask, given_pdos
 from lostmotion.drivers.canopen_options import CanopenJointOptions, CanopenSensorOptions
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec import sdo
+from lostmotion.drivers.codec.cia301 import SYNC
 from lostmotion.drivers.codec.pdo import fields_of
 from lostmotion.drivers.errors import DriverError, IdentityError
 from lostmotion.drivers.servo_line import silence_s
 
 __all__ = ["DRIVER", "CanopenBus"]
 
-SYNC = 0x80
 GATHER_S = 0.095
 """frames of so many seconds are looked at together, as in ``servo_line.py``"""
 WAIT_S = 0.2

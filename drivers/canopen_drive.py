@@ -10,14 +10,13 @@ from lostmotion.drivers.can_bus import CanFrame
 from lostmotion.drivers.canopen_mapping import Ask, NodeFacts, Pdos, given_pdos, read_facts, read_pdos
 from lostmotion.drivers.canopen_options import CanopenJointOptions
 from lostmotion.drivers.codec import cia402
+from lostmotion.drivers.codec.cia301 import BOOT_UP, EMCY, HEARTBEAT, OPERATIONAL, PRE_OPERATIONAL, STOPPED
 from lostmotion.drivers.codec.pdo import Field, Object, PdoError, fields_of, value_of
 from lostmotion.drivers.errors import DriverError
 
-__all__ = ["EMCY", "HEARTBEAT", "Drive"]
+__all__ = ["Drive"]
 
-EMCY, HEARTBEAT = 0x080, 0x700
-NMT = {0: "initialising", 4: "stopped", 5: "operational", 127: "pre-operational"}
-OPERATIONAL = 5
+STATES = {BOOT_UP: "initialising", STOPPED: "stopped", PRE_OPERATIONAL: "pre-operational"}
 WANTED = (
     cia402.STATUSWORD, cia402.DEMAND, cia402.POSITION, cia402.VELOCITY, cia402.TORQUE, cia402.CURRENT, cia402.DC_LINK,
     cia402.TARGET,
@@ -129,7 +128,7 @@ class Drive:
         if now - self._beat > self.options.heartbeat_s:  # NaN compares false: it sends none
             return f"no heartbeat for more than {self.options.heartbeat_s:g} s; likely cause: off, or unplugged"
         if self._nmt is not None and self._nmt != OPERATIONAL:
-            state = NMT.get(self._nmt, f"NMT state {self._nmt}")
+            state = STATES.get(self._nmt, f"NMT state {self._nmt}")
             return f"{state}, sends no PDOs; likely cause: the master has not started it"
         if self._state and self._state != cia402.OPERATION_ENABLED:
             error = f", error 0x{self._error:04X}" if self._error else ""

@@ -19,9 +19,10 @@ from lostmotion.daemon.no_memory import NO_MEMORY, retry_without_memory
 from lostmotion.daemon.options import CanOptions
 from lostmotion.daemon.records import JointRow, ScoreRow, Transition
 from lostmotion.daemon.repeats import Condition, Repeats
-from lostmotion.daemon.sinks.emcy import BOOT_UP, HEARTBEAT, OPERATIONAL, EmcyNode, Frame
-from lostmotion.daemon.sinks.node import NMT, STOPPED, Node
+from lostmotion.daemon.sinks.emcy import EmcyNode, Frame
+from lostmotion.daemon.sinks.node import Node
 from lostmotion.daemon.sinks.wakeup import Wakeup
+from lostmotion.drivers.codec.cia301 import BOOT_UP, HEARTBEAT, NMT, OPERATIONAL, STOPPED
 from lostmotion.drivers.codec.sdo import REQUEST
 from lostmotion.drivers.python_can import can
 

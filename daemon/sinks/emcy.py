@@ -17,14 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, Health, ScoreRow, Severity, Transition
+from lostmotion.drivers.codec.cia301 import EMCY, HEARTBEAT, OPERATIONAL, TPDO1
 
-__all__ = ["BOOT_UP", "EMCY", "HEARTBEAT", "OPERATIONAL", "TPDO1", "EmcyNode", "Frame"]
+__all__ = ["EmcyNode", "Frame"]
 
-EMCY, TPDO1, HEARTBEAT = 0x080, 0x180, 0x700
 CLEARED, PLAY_WARNING, PLAY_ERROR, DEVICE_FAULT = 0x0000, 0xFF01, 0xFF02, 0xFF03
 REGISTER = 0x81
 """object 0x1001 while an error stands: generic (bit 0), manufacturer specific (bit 7)"""
-BOOT_UP, OPERATIONAL = 0x00, 0x05
 LAYOUT, STATE_LAYOUT = struct.Struct("<HBBHH"), struct.Struct("<BBHH")
 HEALTHS = {health: number for number, health in enumerate(Health)}
 ALL_JOINTS = 0xFF

@@ -10,17 +10,24 @@ import platform
 import struct
 
 from lostmotion import __version__
-from lostmotion.daemon.sinks.emcy import BOOT_UP, EMCY, OPERATIONAL, TPDO1, EmcyNode, Frame
-from lostmotion.drivers.codec.sdo import REQUEST, RESPONSE, Abort, SdoServer
+from lostmotion.daemon.sinks.emcy import EmcyNode, Frame
+from lostmotion.drivers.codec.cia301 import BOOT_UP, EMCY, NMT, OPERATIONAL, PRE_OPERATIONAL, STOPPED, TPDO1
+from lostmotion.drivers.codec.sdo import (
+    NO_OBJECT,
+    NO_SUBINDEX,
+    READ_ONLY,
+    REQUEST,
+    RESPONSE,
+    WRONG_VALUE,
+    Abort,
+    SdoServer,
+)
 
-__all__ = ["NMT", "STOPPED", "Node"]
+__all__ = ["Node"]
 
-NMT = 0x000
 NMT_NODE, NMT_SIZE = 0, 2
 """the node number that means all; bytes of a command"""
-STOPPED, PRE_OPERATIONAL = 0x04, 0x7F
 COMMANDS = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL, 129: BOOT_UP, 130: BOOT_UP}
-NO_OBJECT, NO_SUBINDEX, READ_ONLY, WRONG_VALUE = 0x06020000, 0x06090011, 0x06010002, 0x06090030
 ERRORS = (0x1003, 0)
 PRODUCT = int.from_bytes(b"lm", "big")
 STATE_MAP = (0x20000108, 0x20000208, 0x20000310, 0x20000410)

@@ -9,17 +9,29 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-__all__ = ["REQUEST", "RESPONSE", "Abort", "SdoServer", "aborted", "upload_request", "uploaded"]
+__all__ = [
+    "NO_OBJECT",
+    "NO_SUBINDEX",
+    "READ_ONLY",
+    "REQUEST",
+    "RESPONSE",
+    "WRONG_VALUE",
+    "Abort",
+    "SdoServer",
+    "upload_request",
+    "uploaded",
+]
 
 REQUEST, RESPONSE = 0x600, 0x580
 """COB-IDs before the node is added: from the client, from the server"""
 HEAD, ABORT = struct.Struct("<BHB"), struct.Struct("<BHBL")
 SIZE = 8
-DOWNLOAD_SEGMENT, DOWNLOAD, UPLOAD, UPLOAD_SEGMENT, ABORTED = 0x00, 0x20, 0x40, 0x60, 0x80
+DOWNLOAD, UPLOAD, UPLOAD_SEGMENT, ABORTED = 0x20, 0x40, 0x60, 0x80
 COMMAND, EXPEDITED, SIZED, TOGGLE, LAST = 0xE0, 0x02, 0x01, 0x10, 0x01
 AT_ONCE, SEGMENT = 4, 7
 """bytes of an expedited answer, of a segment"""
 TOGGLE_NOT_ALTERNATED, UNKNOWN_COMMAND = 0x05030000, 0x05040001
+NO_OBJECT, NO_SUBINDEX, READ_ONLY, WRONG_VALUE = 0x06020000, 0x06090011, 0x06010002, 0x06090030
 
 
 class Abort(Exception):  # noqa: N818 - the standard's name
@@ -53,11 +65,6 @@ def uploaded(index: int, subindex: int, data: bytes) -> int | None:
     return int.from_bytes(data[4 : 4 + size], "little")
 
 
-def aborted(index: int, subindex: int, code: int) -> bytes:
-    """The frame that ends a transfer."""
-    return ABORT.pack(ABORTED, index, subindex, code)
-
-
 class SdoServer:
     """Answers a client's requests.
 
@@ -89,7 +96,7 @@ class SdoServer:
             raise Abort(UNKNOWN_COMMAND)
         except Abort as abort:
             self._rest = None
-            return aborted(*self._object, abort.code)
+            return ABORT.pack(ABORTED, *self._object, abort.code)
 
     def _start(self) -> bytes:
         data = self._read(*self._object)

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Sequence
 from struct import pack
 
 from lostmotion.drivers.codec import slcan
-from lostmotion.drivers.codec.sdo import REQUEST, RESPONSE, Abort, SdoServer
+from lostmotion.drivers.codec.cia301 import HEARTBEAT, OPERATIONAL, RPDO1, SYNC, TPDO1, TPDO2
+from lostmotion.drivers.codec.sdo import NO_OBJECT, READ_ONLY, REQUEST, RESPONSE, Abort, SdoServer
 from lostmotion.drivers.emulator.motion import SPREAD_S, Motion
 
 __all__ = ["COUNTS", "RATIO", "SENSOR_SCALE", "CanopenLine", "VirtualDrive"]
@@ -21,11 +22,9 @@ STEP = math.tau / (COUNTS * RATIO)
 RATED_TORQUE_MNM, RATED_CURRENT_MA = 500, 4000
 SENSOR_SCALE = 0.005
 """m/s² a unit of the sensor's process value"""
-SYNC, TPDO1, RPDO1, TPDO2, HEARTBEAT = 0x080, 0x180, 0x200, 0x280, 0x700
 SYNC_OVERFLOW = 240
-ENABLED, DISABLED, FAULT = 0x0637, 0x0650, 0x0618
-"""status words"""
-OPERATIONAL, PRE_OPERATIONAL = 5, 127
+ENABLED = 0x0637
+"""status word"""
 AWAKE_S = 1.0
 BEAT_S = 1.0
 Frame = tuple[int, bytes]
@@ -89,10 +88,10 @@ class VirtualDrive:
         try:
             return self.objects()[index, subindex]
         except KeyError:
-            raise Abort(0x06020000) from None
+            raise Abort(NO_OBJECT) from None
 
     def _refuse(self, index: int, subindex: int, data: bytes) -> None:
-        raise Abort(0x06010002)
+        raise Abort(READ_ONLY)
 
 
 class CanopenLine:

@@ -13,6 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from lostmotion.drivers.codec.cia301 import HEARTBEAT, NODE_IDS, SYNC
+
 __all__ = ["CanFound", "IioFound", "can_interfaces", "iio_accelerometers", "nodes"]
 
 NET, IIO = Path("/sys/class/net"), Path("/sys/bus/iio/devices")
@@ -20,7 +22,6 @@ ARPHRD_CAN = "280"
 IFF_UP = 1
 LISTEN_S = 2.0
 """nodes' heartbeats come once a second, mostly"""
-SYNC, HEARTBEAT, NODES = 0x80, 0x700, 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ def can_interfaces(folder: Path = NET, listen_s: float = LISTEN_S) -> list[CanFo
 
 def nodes(ids: Iterable[int]) -> tuple[int, ...]:
     """The CANopen nodes whose heartbeat or boot-up is among these identifiers (CiA 301)."""
-    return tuple(sorted({id - HEARTBEAT for id in ids if HEARTBEAT < id < HEARTBEAT + NODES}))
+    return tuple(sorted({id - HEARTBEAT for id in ids} & {*NODE_IDS}))
 
 
 def _can(device: Path, listen_s: float) -> CanFound:
