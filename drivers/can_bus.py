@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 import errno
-import logging
 import socket
-import termios
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -22,7 +20,7 @@ from lostmotion.drivers.serial_port import SerialPort
 if TYPE_CHECKING:
     import can
 
-__all__ = ["BusOptions", "CanBus", "CanFrame", "check_bus", "open_can"]
+__all__ = ["NET", "BusOptions", "CanBus", "CanFrame", "check_bus", "kernel_interfaces", "open_can"]
 
 BusOptions = Mapping[str, str | int | float | bool]
 SERIAL = "slcan"
@@ -34,8 +32,8 @@ KERNEL_BYTES = 1_000_000
 OLDEST_S = 1.0
 """an older stamp, or one of the future, is that of a clock of the adapter's own"""
 ERROR_FRAME_BUS_OFF = 0x40
-LINK_TYPE = "280"
-"""ARPHRD_CAN"""
+NET = Path("/sys/class/net")
+ARPHRD_CAN = "280"
 
 
 class CanFrame(NamedTuple):
@@ -98,6 +96,12 @@ def open_can(
     return LibraryBus(interface, channel, bitrate, options, now)
 
 
+def kernel_interfaces(folder: Path = NET) -> list[str]:
+    """The names of the CAN interfaces that the kernel knows."""
+    types = folder.glob("*/type")
+    return sorted(path.parent.name for path in types if path.read_text().strip() == ARPHRD_CAN)
+
+
 class SlcanBus:
     """A serial adapter.  What it sends has no time of its own: frames count from when they came in."""
 
@@ -150,13 +154,12 @@ class LibraryBus:
     def __init__(
         self, interface: str, channel: str, bitrate: int | None, options: BusOptions, now: Callable[[], float]
     ) -> None:
-        from lostmotion.drivers.python_can import can
+        from lostmotion.drivers.python_can import FAULTS, can
 
-        logging.getLogger("can").setLevel(logging.CRITICAL)  # its messages are replaced by ours
         self.broken = 0
         self._now = now
         self._name = f"CAN {channel}"
-        self._faults = (can.CanError, OSError, ValueError, TypeError, termios.error)
+        self._faults = FAULTS
         given = ({"bitrate": bitrate} if bitrate else {}) | dict(options)
         try:
             self._bus: can.BusABC = can.Bus(channel, interface=interface, **given)  # type: ignore[arg-type]
@@ -224,15 +227,10 @@ def _explain(channel: str, error: BaseException) -> str:
     """One line for a bus that does not open: what was found, what was expected, the likely cause."""
     number = getattr(error, "error_code", None) or getattr(error, "errno", None)
     if number == errno.ENODEV:
-        there = ", ".join(_interfaces()) or "no CAN interface"
+        there = ", ".join(kernel_interfaces()) or "no CAN interface"
         return f"CAN {channel} does not exist; likely cause: unplugged, or under another name (there is {there})"
     if number == errno.EAFNOSUPPORT:
         return f"CAN {channel} does not exist: this kernel has no CAN; likely cause: the module can_raw is missing"
     if number in (errno.EACCES, errno.EPERM):
         return f"CAN {channel} may not be opened by this user"
     return f"CAN {channel} does not open ({error}); likely cause: another interface or channel than the adapter's"
-
-
-def _interfaces() -> list[str]:
-    types = Path("/sys/class/net").glob("*/type")
-    return sorted(path.parent.name for path in types if path.read_text().strip() == LINK_TYPE)

@@ -7,12 +7,14 @@ stay.  docs/decisions/0011-dependencies.md has the reasons.
 
 from __future__ import annotations
 
+import logging
 import sys
+import termios
 from importlib import import_module
 
 from lostmotion.drivers import plugins
 
-__all__ = ["can"]
+__all__ = ["FAULTS", "can"]
 
 UNUSED = ("ssl", "_hashlib")
 GROUPS = ("lostmotion.drivers", "lostmotion.sinks")
@@ -26,3 +28,7 @@ finally:
         del sys.modules[_name]
 
 import can  # noqa: E402
+
+logging.getLogger("can").setLevel(logging.CRITICAL)  # its messages are replaced by ours
+FAULTS = (can.CanError, OSError, ValueError, TypeError, termios.error)
+"""What python-can's interfaces raise for a bus that is not there, or not as it should be."""

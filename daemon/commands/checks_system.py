@@ -192,7 +192,8 @@ def check_can(config: Config) -> Iterator[Check]:
     options = config.can
     if options is None:
         return
-    from lostmotion.daemon.sinks.can import FAULTS, open_bus
+    from lostmotion.daemon.sinks.can import open_bus
+    from lostmotion.drivers.python_can import FAULTS
 
     value, cause = "opens", ""
     try:

@@ -8,7 +8,6 @@ full) has one answer: close it, open it again after a pause, and send every acti
 from __future__ import annotations
 
 import logging
-import termios
 import threading
 import time
 from collections import deque
@@ -24,16 +23,12 @@ from lostmotion.daemon.sinks.node import Node
 from lostmotion.daemon.sinks.wakeup import Wakeup
 from lostmotion.drivers.codec.cia301 import BOOT_UP, HEARTBEAT, NMT, OPERATIONAL, STOPPED
 from lostmotion.drivers.codec.sdo import REQUEST
-from lostmotion.drivers.python_can import can
+from lostmotion.drivers.python_can import FAULTS, can
 
-__all__ = ["FAULTS", "CanSink", "open_bus"]
+__all__ = ["CanSink", "open_bus"]
 
 log = logging.getLogger(__name__)
 
-logging.getLogger("can").setLevel(logging.CRITICAL)  # its messages are replaced by ours
-FAULTS = (can.CanError, OSError, ValueError, TypeError, termios.error, MemoryError)
-"""what python-can's interfaces raise for a bus that is not there, or not as it should be; and no memory, by which the
-thread must not end"""
 FIRST_RETRY_S = 1.0
 LAST_RETRY_S = 30.0
 SEND_S = 0.5
@@ -102,7 +97,7 @@ class CanSink:
                     self._begin(bus)
                     pause = FIRST_RETRY_S
                     self._serve(bus)
-            except FAULTS as error:
+            except (*FAULTS, MemoryError) as error:  # by no memory, too, the thread must not end
                 self._log_problem(NO_MEMORY if isinstance(error, MemoryError) else str(error) or type(error).__name__)
             self._closing.wait(pause)
             pause = min(2 * pause, LAST_RETRY_S)

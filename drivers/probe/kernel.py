@@ -13,12 +13,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from lostmotion.drivers.can_bus import NET, kernel_interfaces
 from lostmotion.drivers.codec.cia301 import HEARTBEAT, NODE_IDS, SYNC
 
 __all__ = ["CanFound", "IioFound", "can_interfaces", "iio_accelerometers", "nodes"]
 
-NET, IIO = Path("/sys/class/net"), Path("/sys/bus/iio/devices")
-ARPHRD_CAN = "280"
+IIO = Path("/sys/bus/iio/devices")
 IFF_UP = 1
 LISTEN_S = 2.0
 """nodes' heartbeats come once a second, mostly"""
@@ -58,8 +58,7 @@ def iio_accelerometers(folder: Path = IIO) -> list[IioFound]:
 
 def can_interfaces(folder: Path = NET, listen_s: float = LISTEN_S) -> list[CanFound]:
     """All CAN interfaces; those that are up are listened to."""
-    names = sorted(device.name for device in folder.glob("*") if _text(device / "type") == ARPHRD_CAN)
-    return [_can(folder / name, listen_s) for name in names]
+    return [_can(folder / name, listen_s) for name in kernel_interfaces(folder)]
 
 
 def nodes(ids: Iterable[int]) -> tuple[int, ...]:
