@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from lostmotion.daemon import documents
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import documents, times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.reasons import present_reason
 from lostmotion.daemon.commands.where import find_database, open_reader
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.learnt import NoiseRow
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, Origin, ScoreRow
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow
 
 __all__ = ["status"]
 
@@ -29,32 +29,18 @@ class JointStatus:
     alarms: list[AlarmRow]
     why: str
 
-    @property
-    def active(self) -> list[AlarmRow]:
-        return [alarm for alarm in self.alarms if alarm.is_active]
-
 
 def status(config: Path | None, database: Path | None, fail: bool, as_json: bool) -> int:
     """Prints it; 1 when ``fail`` is asked for and an alarm is active."""
     with open_reader(config, database) as reader:
-        robot, joints, devices, origins = reader.robot(), _joints(reader), reader.devices(), reader.origins()
-        noises, flanks = reader.noises(), reader.flanks()
-    is_watched = is_held(find_database(config, database)) is not False
-    if as_json:
-        documented = [documents.joint(joint.joint, joint.last, joint.active) for joint in joints]
-        output.print_json(
-            {"robot": robot, "joints": documented} | documents.attribution(origins) | documents.learnt(noises, flanks)
-        )
-    else:
-        _print(robot, joints, devices, origins, datetime.now(UTC))
-        output.print_lines([line for row in noises for line in _learnt(row)])
-        output.print_lines([f"{row.joint}: {row}" for row in flanks])
-        output.print_lines([] if is_watched else ["no service is running: this is the state that the last one left"])
-    return int(fail and any(joint.active for joint in joints))
-
-
-def _joints(reader: Reader) -> list[JointStatus]:
-    return [_joint(reader, joint) for joint in reader.joints()]
+        if as_json:
+            output.print_json(documents.status(reader))
+        else:
+            _print(reader)
+        is_bad = bool(reader.active_alarms())
+    if not as_json and is_held(find_database(config, database)) is False:
+        output.print_lines(["no service is running: this is the state that the last one left"])
+    return int(fail and is_bad)
 
 
 def _joint(reader: Reader, joint: JointRow) -> JointStatus:
@@ -62,20 +48,20 @@ def _joint(reader: Reader, joint: JointRow) -> JointStatus:
     return JointStatus(joint, reader.last_window(joint.name), alarms, present_reason(reader, joint, alarms))
 
 
-def _print(
-    robot: str, joints: list[JointStatus], devices: list[DeviceRow], origins: list[Origin], now: datetime
-) -> None:
+def _print(reader: Reader) -> None:
     from rich.markup import escape
 
+    robot, joints, now = reader.robot(), [_joint(reader, joint) for joint in reader.joints()], datetime.now(UTC)
     output.print_markup(f"robot [bold]{escape(robot)}[/bold]" + ("" if joints else ": no joint has been seen yet"))
     if joints:
         columns = ("joint", "health", "score", "level", "play", "severity", "last window", "why")
         rows = [_row(joint, now) for joint in joints]
         output.print_table(columns, rows, right=("score", "level", "play", "severity"))
-    for alarm in (alarm for joint in joints for alarm in joint.alarms):
-        output.print_lines([_alarm(alarm)])
-    output.print_lines([f"play: {origin}, after {origin.windows} windows" for origin in origins])
-    output.print_lines([line for device in devices if (line := _complaint(device))])
+    output.print_lines([_alarm(alarm) for joint in joints for alarm in joint.alarms])
+    output.print_lines([f"play: {origin}, after {origin.windows} windows" for origin in reader.origins()])
+    output.print_lines([line for device in reader.devices() if (line := _complaint(device))])
+    output.print_lines([line for row in reader.noises() for line in _learnt(row)])
+    output.print_lines([f"{row.joint}: {row}" for row in reader.flanks()])
 
 
 def _alarm(alarm: AlarmRow) -> str:
