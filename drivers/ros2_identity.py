@@ -37,11 +37,8 @@ class Wanted:
     rate_hz: float = 0.0
 
 
-@dataclass(slots=True)
-class Received:
-    """The messages of one topic, with the times at which they were found [s]."""
-
-    messages: list[tuple[float, Message]] = field(default_factory=list)
+Received = list[tuple[float, Message]]
+"""the messages of one topic, with the times at which they were found [s]"""
 
 
 @dataclass(slots=True)
@@ -59,7 +56,7 @@ class _Sum:
 
 def identify_all(listener: Listener, wanted: Sequence[Wanted], now: Callable[[], float]) -> list[Identity]:
     """Listens to all topics at once; an Identity for each that is wanted.  Raises PortError."""
-    received = {topic: Received() for topic in listener.topics}
+    received: dict[str, Received] = {topic: [] for topic in listener.topics}
     for topic in received:
         listener.take(topic)
     start = now()
@@ -79,13 +76,13 @@ def _listen(
     """Listens until each topic has sent for ``listen_s``, or stayed silent."""
 
     def end(one: Received) -> float:
-        return one.messages[0][0] + listen_s if one.messages else start + SILENCE_S
+        return one[0][0] + listen_s if one else start + SILENCE_S
 
     while any(now() < end(one) for one in received.values()):
         time.sleep(0.01)
-        for topic, one in received.items():
+        for topic, messages in received.items():
             moment = now()
-            one.messages += [(moment, message) for message in listener.take(topic)]
+            messages += [(moment, message) for message in listener.take(topic)]
 
 
 def _identity(wanted: Wanted, received: Received, total: _Sum, shown: Sequence[Endpoint]) -> Identity:
@@ -95,9 +92,9 @@ def _identity(wanted: Wanted, received: Received, total: _Sum, shown: Sequence[E
     def wrong(found: str) -> Identity:
         return Identity(wanted.name, found, expected, False)
 
-    if not received.messages:
+    if not received:
         return wrong(_nothing(wanted, shown))
-    types = {message.type for _, message in received.messages}
+    types = {message.type for _, message in received}
     if other := types - {*wanted.types}:
         return wrong(
             f"{', '.join(sorted(other))} on {wanted.topic}, which is none of {', '.join(wanted.types)};"
@@ -162,7 +159,7 @@ def _clock_fault(total: _Sum) -> str:
 
 def _sum(wanted: Wanted, received: Received) -> _Sum:
     total = _Sum()
-    for moment, message in received.messages:
+    for moment, message in received:
         try:
             stamp_ns, names, has_reference = _contents(wanted, message)
         except CdrError as error:

@@ -11,33 +11,24 @@ from typing import TYPE_CHECKING
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.migrations import ADDED
 from lostmotion.daemon.reader import Bounds, Reader
-from lostmotion.drivers.errors import LostmotionError
-from lostmotion.drivers.packages import missing
+from lostmotion.drivers.formats.needed import needed
 
 if TYPE_CHECKING:
     from pyarrow import Schema
 
-__all__ = ["ParquetError", "write"]
+__all__ = ["write"]
 
 NUMBERS = ("play", "play_low", "play_high", "excitation", "temperature")
 ROW_GROUP = 50_000
 """rows that are compressed together"""
 
 
-class ParquetError(LostmotionError):
-    """The library that writes the file is not there."""
-
-
 def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
     """Writes a row for each score, oldest first, unknown as null; SI units, times in UTC.
 
-    Raises ParquetError, OutputError.
+    Raises RecordingError, OutputError.
     """
-    try:
-        import pyarrow as pa
-        from pyarrow import parquet
-    except ModuleNotFoundError as error:
-        raise ParquetError(missing("pyarrow", "--parquet")) from error
+    pa, parquet = needed("pyarrow", "--parquet"), needed("pyarrow.parquet", "--parquet")
     schema, count = _schema(reader.robot(), joint), 0
     with output.writing(path), parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         for rows in reader.batches(joint, bounds, ROW_GROUP):
