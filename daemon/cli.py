@@ -30,7 +30,7 @@ def positive(ctx: click.Context, param: click.Parameter, value: float | None) ->
 
 def moment(ctx: click.Context, param: click.Parameter, value: str | None) -> datetime | None:
     """ISO 8601, or how long ago."""
-    from lostmotion.daemon.commands.times import TimeError, parse
+    from lostmotion.daemon.times import TimeError, parse
 
     try:
         return None if value is None else parse(value, datetime.now(UTC))

@@ -9,7 +9,8 @@ import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.reasons import others, present_reason
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.database import is_held

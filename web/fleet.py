@@ -16,7 +16,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.records import Health
 from lostmotion.web.pages import json, page
 

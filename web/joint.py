@@ -11,8 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from lostmotion.daemon import documents
-from lostmotion.daemon.commands import times
+from lostmotion.daemon import documents, times
 from lostmotion.daemon.commands.reasons import others
 from lostmotion.daemon.commands.trend import RADIANS, document, history_of, words
 from lostmotion.daemon.config import ConfigError

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lostmotion.daemon.commands import times
+from lostmotion.daemon import times
 from lostmotion.daemon.commands.calibrate_windows import Cuttings, read_all
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.learner import settled

@@ -7,7 +7,7 @@ from datetime import timedelta
 
 import numpy as np
 
-from lostmotion.daemon.commands import times
+from lostmotion.daemon import times
 from lostmotion.daemon.extremes import EXTREMES
 from lostmotion.daemon.reader import Reader
 from lostmotion.detector.window import FloatArray

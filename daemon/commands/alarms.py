@@ -11,8 +11,8 @@ from pathlib import Path
 
 import msgspec
 
-from lostmotion.daemon import documents, requests
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import documents, requests, times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
 from lostmotion.daemon.reader import ReaderError, open_readonly
 from lostmotion.daemon.records import AlarmRow, Request, Severity, Transition

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
+from lostmotion.daemon import times
 from lostmotion.daemon.cli import as_json, config_file, database, positive
-from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.alarms import change, show, watch
 from lostmotion.daemon.commands.completion import joints
 from lostmotion.daemon.records import Cause, Request, Verb

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lostmotion.daemon.commands import times
+from lostmotion.daemon import times
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
 from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, Struct
 
-from lostmotion.daemon import documents
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import documents, times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply, ask
 from lostmotion.daemon.commands.trend import (
     ARC_MINUTES,

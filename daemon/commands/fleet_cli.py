@@ -10,9 +10,9 @@ from typing import Any
 
 import click
 
+from lostmotion.daemon import times
 from lostmotion.daemon.cli import FILE, as_json, config_file, positive, since, trend_level, trend_of, until
 from lostmotion.daemon.commands import fleet as answers
-from lostmotion.daemon.commands import times
 from lostmotion.daemon.commands.fleet_ask import Fleet
 from lostmotion.daemon.commands.trend import Of
 from lostmotion.daemon.crosscheck import check_endpoints

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from lostmotion.daemon import documents
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import documents, times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import open_joint
 from lostmotion.daemon.reader import Bounds
 from lostmotion.daemon.records import ScoreRow

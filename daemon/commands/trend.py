@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lostmotion.daemon.commands import output, times
+from lostmotion.daemon import times
+from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.reasons import others
 from lostmotion.daemon.commands.where import find_config, open_joint
 from lostmotion.daemon.records import from_micros, iso

@@ -15,8 +15,7 @@ from typing import Any
 
 import msgspec
 
-from lostmotion.daemon import documents
-from lostmotion.daemon.commands import times
+from lostmotion.daemon import documents, times
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.daemon.zenoh_session import SCHEMA
 from lostmotion.detector.trend import MOST

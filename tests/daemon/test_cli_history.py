@@ -21,9 +21,9 @@ import pytest
 from pyarrow import parquet
 
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.commands.times import TimeError, ago, parse, span
 from lostmotion.daemon.records import Origin, Origins, ScoreRow
 from lostmotion.daemon.store import Store
+from lostmotion.daemon.times import TimeError, ago, parse, span
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, START, call, fill, is_one_line
 
 

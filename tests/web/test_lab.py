@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner
 from playwright.sync_api import Page, expect
 
+from lostmotion.daemon import times
 from lostmotion.daemon.cli import cli
-from lostmotion.daemon.commands import times
 from tests.daemon.conftest import wait_until
 from tests.web.conftest import Open, Site, overflow, violations
 from tests.web.world import fill, robot
