@@ -15,16 +15,11 @@ from lostmotion.drivers.can_bus import CanFrame
 from lostmotion.drivers.can_port import CanPort
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.signal import Layout
-from lostmotion.drivers.errors import DriverError
+from lostmotion.drivers.sensor_rate import LISTEN_S, LOOK_S, SILENCE_S, WAIT_S, check_rate, rate_identity
 from lostmotion.drivers.timeline import Timeline
 
 __all__ = ["CanAccelerometer", "Layout"]
 
-WAIT_S = 0.25
-LOOK_S = 0.1
-"""how often the arrival of a frame without a time of its own is looked at, as in ``serial_accelerometer.py``"""
-LISTEN_S, SILENCE_S = 0.6, 2.5
-RATE_TOLERANCE = 0.1
 NOTHING = np.empty(0)
 
 
@@ -39,15 +34,10 @@ class CanAccelerometer:
         self, options: AccelerometerOptions, layout: Layout, counter: Layout | None, range_ms2: float, clock: Clock
     ) -> None:
         """Raises DriverError when the rate is too low for the oscillator."""
-        ring, rate = options.oscillator.f_res_hz, options.rate_hz
-        if not 0 < ring < rate / 2:
-            raise DriverError(
-                f"accelerometer {options.name}: the oscillator rings at {ring:g} Hz, but {rate:g} samples/s show"
-                f" only frequencies below {rate / 2:g} Hz; expected a longer bar or a faster sensor"
-            )
+        check_rate(options)
         self.range_ms2 = min(range_ms2, layout.largest)
         self._limit = range_ms2
-        self._name, self._rate = options.name, rate
+        self._name, self._rate = options.name, options.rate_hz
         self._layout, self._counter = layout, counter
         self._clock = clock
         bus: Any = options  # each of them has a bus's keys
@@ -73,11 +63,8 @@ class CanAccelerometer:
             found, gist = self._missing(short, others)
             return (Identity(self._name, found, expected, False, gist),)
         rate = (len(times) - 1) / (times[-1] - times[0]) if times[-1] > times[0] else math.inf
-        if abs(rate / self._rate - 1) <= RATE_TOLERANCE:
-            return (Identity(self._name, f"{frame} at {rate:.0f} Hz", expected, True),)
-        cause = "; likely cause: rate_hz is not what the sensor is set to, or the bus is too slow for it"
-        gist = f"{frame} at about {float(f'{rate:.1g}'):g} Hz" + cause
-        return (Identity(self._name, f"{frame} at {rate:.0f} Hz{cause}", expected, False, gist),)
+        cause = "rate_hz is not what the sensor is set to, or the bus is too slow for it"
+        return (rate_identity(self._name, frame, rate, self._rate, expected, cause),)
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits for some up to 0.25 s.  Raises PortError."""
@@ -139,9 +126,8 @@ class CanAccelerometer:
 
     def _missing(self, short: int, others: set[int]) -> tuple[str, str]:
         """What came instead of the frame, with and without what differs between looks."""
-        if (foreign := self._port.foreign) and not (short or others):
-            text = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
-            return text.format(repr(foreign[:24])), text.format("bytes")
+        if self._port.foreign and not (short or others):
+            return self._port.foreign_words()
         if short:
             text = (
                 f"frames too short for the signal, which ends in byte {self._layout.ends}; likely cause: another layout"

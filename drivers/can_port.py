@@ -117,6 +117,11 @@ class CanPort:
         """The first bytes of what is no adapter."""
         return self._shared.bus.foreign if self._shared else b""
 
+    def foreign_words(self) -> tuple[str, str]:
+        """The same as what an Identity has found, and without what differs between looks."""
+        text = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
+        return text.format(repr(self.foreign[:24])), text.format("bytes")
+
     def read(self, timeout_s: float) -> list[CanFrame]:
         """What has come in; waits up to ``timeout_s`` for it.  Raises PortError when the bus is closed or gone."""
         shared = self._joined()

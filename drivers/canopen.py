@@ -198,10 +198,8 @@ class CanopenBus:
         expected = f"node {drive.node}: {drive.where}"
         problem = wrong or drive.problem(self._clock.now())
         if self._port.foreign and not nodes:
-            text = "{} that are no CAN frames; likely cause: another device on the port, or a wrong baudrate"
-            return Identity(
-                drive.joint, text.format(repr(self._port.foreign[:24])), expected, False, text.format("bytes")
-            )
+            found, gist = self._port.foreign_words()
+            return Identity(drive.joint, found, expected, False, gist)
         if not problem and not drive.complete:
             others = ", ".join(str(node) for node in nodes if node) or "none"
             cause = "another node, mapping or bitrate, or it is off"

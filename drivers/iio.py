@@ -32,7 +32,7 @@ from lostmotion.drivers.errors import DriverError, PortError
 from lostmotion.drivers.holders import holders
 from lostmotion.drivers.iio_setup import Setup, set_up
 from lostmotion.drivers.iio_sysfs import IioDevice, Settings, find_device, refusal
-from lostmotion.drivers.serial_accelerometer import check_rate
+from lostmotion.drivers.sensor_rate import LISTEN_S, LOOK_S, SILENCE_S, WAIT_S, check_rate, rate_identity
 from lostmotion.drivers.timeline import Timeline
 
 __all__ = ["DRIVER", "IioAccelerometer", "IioOptions"]
@@ -40,12 +40,6 @@ __all__ = ["DRIVER", "IioAccelerometer", "IioOptions"]
 log = logging.getLogger(__name__)
 
 ROOT = "LOSTMOTION_IIO_ROOT"
-WAIT_S = 0.25
-LOOK_S = 0.1
-"""how often the arrival of a sample is looked at [s], where its stamp is not robot time"""
-LISTEN_S, SILENCE_S = 0.6, 2.5
-"""how long to measure a rate; how long to wait for the first sample"""
-RATE_TOLERANCE = 0.1
 FRAMES = 4096
 """read at once, at most"""
 NOTHING = np.empty(0)
@@ -107,13 +101,9 @@ class IioAccelerometer:
                 f"{device}, which gives no samples in {SILENCE_S:g} s; likely cause: its interrupt or trigger is dead"
             )
             return (Identity(self._options.name, what, expected, False),)
-        rate = (count - 1) / span
-        found = f"{device} at {rate:.0f} Hz"
-        if abs(rate / self._options.rate_hz - 1) <= RATE_TOLERANCE:
-            return (Identity(self._options.name, found, expected, True),)
-        cause = "; likely cause: a bus too slow for this rate, or a trigger of another rate"
-        gist = f"{device} at about {float(f'{rate:.1g}'):g} Hz{cause}"
-        return (Identity(self._options.name, found + cause, expected, False, gist),)
+        cause = "a bus too slow for this rate, or a trigger of another rate"
+        rate, wanted = (count - 1) / span, self._options.rate_hz
+        return (rate_identity(self._options.name, str(device), rate, wanted, expected, cause),)
 
     def read(self) -> AccelBlock:
         """The samples since the last call; waits for some up to 0.25 s.  Raises PortError."""

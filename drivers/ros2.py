@@ -43,6 +43,7 @@ from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.ros2_identity import REFERENCE, Wanted, decoded, identify_all
 from lostmotion.drivers.ros2_session import Listener, Message, Ros2Network
 from lostmotion.drivers.ros2_stamps import Source, stamped
+from lostmotion.drivers.sensor_rate import check_rate
 from lostmotion.drivers.timeline import Timeline
 
 __all__ = ["DRIVER", "Ros2AccelerometerOptions", "Ros2JointOptions"]
@@ -186,14 +187,9 @@ class Ros2Accelerometer:
 
     def __init__(self, options: Ros2AccelerometerOptions, network: Ros2Network, clock: Clock) -> None:
         """Raises DriverError when the rate is too low for the oscillator."""
-        oscillator, rate = options.oscillator.f_res_hz, options.rate_hz
-        if not 0 < oscillator < rate / 2:
-            raise DriverError(
-                f"accelerometer {options.name}: the oscillator rings at {oscillator:g} Hz, but {rate:g} messages/s show"
-                f" only frequencies below {rate / 2:g} Hz; expected a longer bar or a faster sensor"
-            )
+        check_rate(options)
         self.range_ms2 = options.range_ms2
-        self._name, self._rate, self._clock = options.name, rate, clock
+        self._name, self._rate, self._clock = options.name, options.rate_hz, clock
         self._topic = qualified(options.topic, network.namespace)
         self._index = AXES[options.axis[-1]]
         self._sign = -1.0 if options.axis.startswith("-") else 1.0

@@ -13,13 +13,13 @@ from lostmotion.drivers.codec.rmw_zenoh import Endpoint, sent
 from lostmotion.drivers.codec.ros2_messages import DECODERS, IMU, JointStates, imu_acceleration
 from lostmotion.drivers.ros2_session import Listener, Message
 from lostmotion.drivers.ros2_stamps import Source, clock_fault, stamped
+from lostmotion.drivers.sensor_rate import rate_identity
 
 __all__ = ["REFERENCE", "Wanted", "decoded", "identify_all"]
 
 SILENCE_S, LISTEN_S, DOUBT_S = 2.5, 0.8, 3.2
 """how long to wait for a first message, and then to listen; and in all where a clock seems to be wrong: a message
 that a busy host held up looks like a slow clock, but the delay does not grow with the time and the clock's does"""
-RATE_TOLERANCE = 0.1
 MOST_NAMES = 20
 REFERENCE = ", commanded: the controller's reference"
 
@@ -103,15 +103,14 @@ def _identity(wanted: Wanted, received: Received, total: _Sum, shown: Sequence[E
     if fault := _fault(wanted, total, shown):
         return wrong(fault)
     rate = _rate([stamp for _, stamp in total.stamps])
-    found = f"{what} at {rate:.0f} Hz, {total.source.value}" + (_command(wanted, total) if wanted.joint else "")
-    if wanted.rate_hz and not abs(rate / wanted.rate_hz - 1) <= RATE_TOLERANCE:
-        cause = "; likely cause: rate_hz is not what the sensor's node publishes"
-        about = f"{what} at about {float(f'{rate:.1g}'):g} Hz"
-        return Identity(wanted.name, found + cause, expected, False, about + cause)
-    return Identity(wanted.name, found, expected, True)
+    if wanted.joint:
+        found = f"{what} at {rate:.0f} Hz, {total.source.value}{_command(total)}"
+        return Identity(wanted.name, found, expected, True)
+    cause = "rate_hz is not what the sensor's node publishes"
+    return rate_identity(wanted.name, what, rate, wanted.rate_hz, expected, cause, f", {total.source.value}")
 
 
-def _command(wanted: Wanted, total: _Sum) -> str:
+def _command(total: _Sum) -> str:
     if total.has_reference:
         return REFERENCE
     return ", commanded: the measured position, as no controller's reference is given (the key reference)"

@@ -13,19 +13,13 @@ import numpy as np
 
 from lostmotion.drivers.base import AccelBlock, AccelerometerOptions, FloatArray, Identity
 from lostmotion.drivers.clock import Clock
-from lostmotion.drivers.errors import DriverError
+from lostmotion.drivers.sensor_rate import LISTEN_S, LOOK_S, RATE_TOLERANCE, SILENCE_S, WAIT_S, check_rate
 from lostmotion.drivers.serial_port import SerialPort
 from lostmotion.drivers.ticks import coarser
 from lostmotion.drivers.timeline import Timeline
 
-__all__ = ["Format", "Readings", "SerialAccelerometer", "check_rate"]
+__all__ = ["Format", "Readings", "SerialAccelerometer"]
 
-WAIT_S = 0.25
-LOOK_S = 0.1
-"""how often the arrival of a sample is looked at [s]: it costs a wake-up; of each half second the quickest counts"""
-LISTEN_S, SILENCE_S = 0.6, 2.5
-"""how long to measure a rate; how long to wait for the first reading (a microcontroller may boot when opened)"""
-RATE_TOLERANCE = 0.1
 NOTHING = np.empty(0)
 LEAST_STAMPS = 50
 """fewer say nothing about the pace of a clock"""
@@ -180,13 +174,3 @@ def _wrong_pace(stamps: FloatArray, period: float) -> str:
         return ""
     fault = "stand still or run back" if pace < 1e-6 else f"go on too {'slowly' if pace < 1 else 'fast'}"
     return f" whose times {fault}; likely cause: time_column is not the sensor's clock, or time_unit is another one"
-
-
-def check_rate(options: AccelerometerOptions) -> None:
-    """Raises DriverError when the rate is too low for the oscillator."""
-    oscillator, rate = options.oscillator.f_res_hz, options.rate_hz
-    if not 0 < oscillator < rate / 2:
-        raise DriverError(
-            f"accelerometer {options.name}: the oscillator rings at {oscillator:g} Hz, but {rate:g} samples/s show"
-            f" only frequencies below {rate / 2:g} Hz; expected a longer bar or a faster sensor"
-        )
