@@ -181,7 +181,7 @@ def _packets(protocol: int) -> Taker:
         for packet in found:
             block = packet.parameters[-size:] if packet else b""
             if len(block) == size:
-                _is_state(servo_state.decode_state(dice.choice(models), block))
+                _is_state(dice.choice(models).decode(block))
         return None not in found
 
     return take
@@ -190,7 +190,7 @@ def _packets(protocol: int) -> Taker:
 def _blocks(data: bytes, dice: Random) -> bool:
     """A servo's state: any block of the right size is one."""
     try:
-        _is_state(servo_state.decode_state(dice.choice([*servo_state.MODELS.values()]), data))
+        _is_state(dice.choice([*servo_state.MODELS.values()]).decode(data))
     except struct.error:
         return False
     return True

@@ -14,7 +14,7 @@ from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler,
 
 from lostmotion.drivers.base import Driver, JointOptions, RobotOptions, ServoBus
 from lostmotion.drivers.clock import Clock
-from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, decode_state, model_name
+from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, model_name
 from lostmotion.drivers.dynamixel_port import BusPort
 from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo, line_bytes
 
@@ -52,9 +52,6 @@ class DynamixelBus(LineBus):
 
     def _description(self, number: int, protocol: int) -> str:
         return f"{model_name(number)}, protocol {protocol}.0"
-
-    def _state(self, model: Model, block: bytes) -> ServoState:
-        return decode_state(model, block)
 
     def _search(self, servo: Servo) -> Sequence[int]:
         data: Sequence[int]

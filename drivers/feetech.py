@@ -16,15 +16,12 @@ from lostmotion.drivers.codec.feetech import (
     ADDRESS,
     IDENTITY_SIZE,
     MODELS,
-    FeetechModel,
     Listener,
     SyncQuestion,
-    decode_state,
     identity_question,
-    model_name,
     model_number,
 )
-from lostmotion.drivers.codec.servo_state import Model, ServoState
+from lostmotion.drivers.codec.servo_state import model_name
 from lostmotion.drivers.serial_port import Exchange
 from lostmotion.drivers.servo_line import LineBus, LineOptions, Reply, Servo, line_bytes
 from lostmotion.drivers.servo_port import ServoPort
@@ -55,11 +52,7 @@ class FeetechBus(LineBus):
         return self._description(model_number(answer), 1) if answer else None
 
     def _description(self, number: int, protocol: int) -> str:
-        return model_name(number)
-
-    def _state(self, model: Model, block: bytes) -> ServoState:
-        assert isinstance(model, FeetechModel)
-        return decode_state(model, block)
+        return model_name(number, MODELS)
 
     def _search(self, servo: Servo) -> Sequence[int]:
         return self._answers((servo.id,), servo.model.block_size).get(servo.id, b"")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from lostmotion.drivers.base import Baudrate, Identity, JointOptions, Port, ServoReading, ServoSample
 from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.dynamixel import Question
-from lostmotion.drivers.codec.servo_state import Model, ServoState
+from lostmotion.drivers.codec.servo_state import Model
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.servo_port import ServoPort
 from lostmotion.drivers.textfile import near
@@ -157,10 +157,6 @@ class LineBus(ABC):
         """A model number and a protocol as a person reads them."""
 
     @abstractmethod
-    def _state(self, model: Model, block: bytes) -> ServoState:
-        """The state block in SI units."""
-
-    @abstractmethod
     def _search(self, servo: Servo) -> Sequence[int]:
         """A servo's state block among the noise or the pieces that came in instead of its plain answer."""
 
@@ -195,7 +191,7 @@ class LineBus(ABC):
                 self._broken += not block
             self._note(servo, asked, bool(block))
             if block:
-                command, position, velocity, voltage, heat, current = self._state(servo.model, block)
+                command, position, velocity, voltage, heat, current = servo.model.decode(block)
                 yield ServoSample(servo.joint, asked, command, position, velocity, math.nan, current, voltage, heat)
 
     def _poll(self, replies: list[Reply]) -> tuple[int, float]:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 
 from lostmotion.drivers.base import Driver, Identity, JointOptions, RobotOptions, ServoBus, ServoReading, ServoSample
 from lostmotion.drivers.clock import Clock
-from lostmotion.drivers.codec.registers import ALL_MODELS, POSITION, Registers
+from lostmotion.drivers.codec.registers import ALL_MODELS, Registers
+from lostmotion.drivers.codec.servo_state import POSITION
 from lostmotion.drivers.codec.sniffer import AccessKind, BusSniffer, RegisterAccess
 from lostmotion.drivers.listening_port import ListeningPort
 from lostmotion.drivers.servo_line import GATHER_S, LineOptions, check_line, silence_s

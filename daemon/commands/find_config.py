@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
-from lostmotion.drivers.codec import feetech
-from lostmotion.drivers.codec.servo_state import MODELS, Model
+from lostmotion.drivers.codec.registers import ALL_MODELS
 from lostmotion.drivers.probe.port import Look
 from lostmotion.drivers.probe.servos import FoundServo
 from lostmotion.drivers.probe.streams import FoundSensor
@@ -137,8 +136,7 @@ def _names(servos: Sequence[FoundServo]) -> Sequence[str]:
 
 def _poll_hz(servos: Sequence[FoundServo]) -> int:
     """As often as the line can bear."""
-    known: Mapping[str, Model] = {**MODELS, **feetech.MODELS}
     byte_s = BITS_PER_BYTE / servos[0].baudrate
-    models = [known[servo.model] for servo in servos if servo.model]
+    models = [ALL_MODELS[servo.model] for servo in servos if servo.model]
     cycle = sum((model.block_size + 2 * FRAME) * byte_s + TURN_S * (not model.syncs) for model in models)
     return next((rate for rate in POLLS_HZ if rate * cycle <= BUSY), POLLS_HZ[-1])

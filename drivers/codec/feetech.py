@@ -10,12 +10,12 @@ Source: Feetech, "FT-SCS communication protocol" and the memory tables of the ST
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from struct import Struct
 
 from lostmotion.drivers.codec.dynamixel import BROADCAST, HEADER_1, SYNC_READ, Packet, Question, decoder, encode
-from lostmotion.drivers.codec.servo_state import Model, ServoState
+from lostmotion.drivers.codec.servo_state import COMMAND, POSITION, ControlTable, Model, ServoState
 
 __all__ = [
     "ADDRESS",
@@ -23,10 +23,7 @@ __all__ = [
     "FeetechModel",
     "Listener",
     "SyncQuestion",
-    "decode_state",
-    "encode_state",
     "identity_question",
-    "model_name",
     "model_number",
     "number_bytes",
     "signed",
@@ -36,6 +33,10 @@ ADDRESS = 42
 """where the state block begins"""
 BLOCK = {"<": Struct("<H12xHHxxBB5xH"), ">": Struct(">H12xHHxxBB")}
 """goal 42, position 56, speed 58, (load 60,) voltage 62, temperature 63, and of STS and SMS the current 69"""
+SCS: ControlTable = {
+    COMMAND: (42, 2), POSITION: (56, 2), "velocity": (58, 2), "voltage": (62, 1), "temperature": (63, 1),
+}  # fmt: skip
+CONTROL_TABLES: Mapping[str, ControlTable] = {"<": {**SCS, "current": (69, 2)}, ">": SCS}
 IDENTITY, IDENTITY_SIZE, NUMBER = 0, 5, 3
 """what a servo is asked to know it by: both bytes of its firmware, the byte order, both of its model number at 3.  The
 number alone would be as long as a READ's parameters, and a line that echoes would answer for a servo"""
@@ -66,6 +67,35 @@ class FeetechModel(Model):
         """Whether it obeys a sync read."""
         return self.order == "<"
 
+    @property
+    def control_table(self) -> ControlTable:
+        """Where the servo keeps the values of its state."""
+        return CONTROL_TABLES[self.order]
+
+    def decode(self, block: bytes) -> ServoState:
+        """The state block of ``block_size`` bytes in SI units.  Raises struct.error for another size.
+
+        The load (address 60) is the drive's own effort, not measured, and no torque.
+        """
+        goal, position, speed, voltage, temperature, *rest = BLOCK[self.order].unpack(block)
+        return ServoState(
+            (signed(goal) - self.centre) * self.step,
+            (signed(position) - self.centre) * self.step,
+            signed(speed) * self.speed,
+            voltage * 0.1,
+            float(temperature),
+            signed(rest[0]) * self.ampere if rest else math.nan,
+        )
+
+    def encode(self, state: ServoState) -> bytes:
+        """The state block that a servo would show; the inverse of ``decode`` but for rounding."""
+        angles = (_unsigned(round(angle / self.step) + self.centre) for angle in (state.command, state.position))
+        speed = _unsigned(round(state.velocity / self.speed))
+        numbers = [*angles, speed, round(state.voltage * 10), round(state.temperature)]
+        if self.order == "<":
+            numbers.append(0 if math.isnan(state.current) else _unsigned(round(state.current / self.ampere)))
+        return BLOCK[self.order].pack(*numbers)
+
 
 def _encoder(name: str, number: int) -> FeetechModel:
     step = math.tau / 4096
@@ -87,7 +117,6 @@ MODELS = {
     )
 }
 """The models by name; speeds are in counts a second."""
-NAME_OF = {model.number: model.name for model in MODELS.values()}
 
 
 class SyncQuestion:
@@ -145,37 +174,6 @@ def model_number(identity: bytes) -> int:
 def number_bytes(model: FeetechModel) -> bytes:
     """The model number as the servo holds it at address 3."""
     return model.number.to_bytes(2, "little" if model.order == "<" else "big")
-
-
-def model_name(number: int) -> str:
-    """A model number as a person reads it."""
-    return f"{NAME_OF.get(number, 'unknown model')} (model number {number})"
-
-
-def decode_state(model: FeetechModel, block: bytes) -> ServoState:
-    """The state block of ``model.block_size`` bytes in SI units.  Raises struct.error for another size.
-
-    The load (address 60) is the drive's own effort, not measured, and no torque.
-    """
-    goal, position, speed, voltage, temperature, *rest = BLOCK[model.order].unpack(block)
-    return ServoState(
-        (signed(goal) - model.centre) * model.step,
-        (signed(position) - model.centre) * model.step,
-        signed(speed) * model.speed,
-        voltage * 0.1,
-        float(temperature),
-        signed(rest[0]) * model.ampere if rest else math.nan,
-    )
-
-
-def encode_state(model: FeetechModel, state: ServoState) -> bytes:
-    """The state block that a servo would show; the inverse of ``decode_state`` but for rounding."""
-    angles = (_unsigned(round(angle / model.step) + model.centre) for angle in (state.command, state.position))
-    speed = _unsigned(round(state.velocity / model.speed))
-    numbers = [*angles, speed, round(state.voltage * 10), round(state.temperature)]
-    if model.order == "<":
-        numbers.append(0 if math.isnan(state.current) else _unsigned(round(state.current / model.ampere)))
-    return BLOCK[model.order].pack(*numbers)
 
 
 def signed(number: int) -> int:

@@ -6,11 +6,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from struct import Struct
 from typing import NamedTuple
 
-__all__ = ["ADDRESS", "MODELS", "Model", "ServoState", "decode_state", "encode_state", "model_name"]
+__all__ = [
+    "ADDRESS",
+    "COMMAND",
+    "MODELS",
+    "POSITION",
+    "TRAJECTORY",
+    "ControlTable",
+    "Model",
+    "ServoState",
+    "model_name",
+]
 
 RPM = 2 * math.pi / 60
 MILLI = 1e-3
@@ -23,8 +34,34 @@ ADDRESS = {1: 30, 2: 116}
 """where the state block begins, by protocol"""
 BLOCK = {1: BLOCK_1, 2: BLOCK_2}
 
+ControlTable = Mapping[str, tuple[int, int]]
+"""address and size of the values of a state, by their names in ``ServoState``"""
+COMMAND, POSITION, TRAJECTORY = "command", "position", "trajectory"
+CONTROL_TABLES: Mapping[int, ControlTable] = {
+    1: {COMMAND: (30, 2), POSITION: (36, 2), "velocity": (38, 2), "voltage": (42, 1), "temperature": (43, 1)},
+    2: {
+        COMMAND: (116, 4), "current": (126, 2), "velocity": (128, 4), POSITION: (132, 4), TRAJECTORY: (136, 8),
+        "voltage": (144, 2), "temperature": (146, 1),
+    },
+}  # fmt: skip
+"""the trajectory is what the servo follows while a profile is on: its speed and its position"""
 DIRECTION = 0x400
 """bit 10 of a speed of protocol 1.0 is its sign (set: clockwise, negative), bits 0-9 the magnitude"""
+
+
+class ServoState(NamedTuple):
+    """A state block in SI units: command and position [rad], velocity [rad/s], current [A], voltage [V],
+    temperature [°C].
+
+    There is no torque: AX and MX report a "load" that is the drive's own effort, not measured, so it would be a guess.
+    """
+
+    command: float
+    position: float
+    velocity: float
+    voltage: float
+    temperature: float
+    current: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,20 +95,41 @@ class Model:
         """Whether it obeys a sync read."""
         return self.protocol == 2
 
+    @property
+    def control_table(self) -> ControlTable:
+        """Where the servo keeps the values of its state."""
+        return CONTROL_TABLES[self.protocol]
 
-class ServoState(NamedTuple):
-    """A state block in SI units: command and position [rad], velocity [rad/s], current [A], voltage [V],
-    temperature [°C].
+    def decode(self, block: bytes) -> ServoState:
+        """The state block of ``block_size`` bytes in SI units.  Raises struct.error for another size."""
+        if self.protocol == 1:
+            goal, _, _, position, speed, _, voltage, temperature = BLOCK_1.unpack(block)
+            velocity, current = (DIRECTION - speed if speed & DIRECTION else speed), math.nan
+        else:
+            goal, *_, current, velocity, position, drift, trajectory, voltage, temperature = BLOCK_2.unpack(block)
+            # With a profile switched on the servo follows its trajectory, not the goal; without one both read 0.
+            goal = trajectory if trajectory or drift else goal
+        return ServoState(
+            (goal - self.centre) * self.step,
+            (position - self.centre) * self.step,
+            velocity * self.speed,
+            voltage * 0.1,
+            float(temperature),
+            current * self.ampere,
+        )
 
-    There is no torque: AX and MX report a "load" that is the drive's own effort, not measured, so it would be a guess.
-    """
-
-    command: float
-    position: float
-    velocity: float
-    voltage: float
-    temperature: float
-    current: float = math.nan
+    def encode(self, state: ServoState) -> bytes:
+        """The state block that a servo without a profile would show; the inverse of ``decode`` but for
+        rounding."""
+        goal = round(state.command / self.step) + self.centre
+        position = round(state.position / self.step) + self.centre
+        velocity = round(state.velocity / self.speed)
+        voltage, temperature = round(state.voltage * 10), round(state.temperature)
+        if self.protocol == 1:
+            speed = min(abs(velocity), DIRECTION - 1) | (DIRECTION if velocity < 0 else 0)
+            return BLOCK_1.pack(goal, 0, 1023, position, speed, 0, voltage, temperature)
+        current = 0 if math.isnan(state.current) or math.isnan(self.ampere) else round(state.current / self.ampere)
+        return BLOCK_2.pack(goal, 0, 1, 0, 0, current, velocity, position, 0, 0, voltage, temperature)
 
 
 def _ax(name: str, number: int) -> Model:
@@ -112,41 +170,9 @@ MODELS = {
     )
 }
 """The models by name; "-2" is an MX with the firmware of protocol 2.0."""
-NAME_OF = {model.number: model.name for model in MODELS.values()}
 
 
-def model_name(number: int) -> str:
+def model_name(number: int, models: Mapping[str, Model] = MODELS) -> str:
     """A model number as a person reads it."""
-    return f"{NAME_OF.get(number, 'unknown model')} (model number {number})"
-
-
-def decode_state(model: Model, block: bytes) -> ServoState:
-    """The state block of ``model.block_size`` bytes in SI units.  Raises struct.error for another size."""
-    if model.protocol == 1:
-        goal, _, _, position, speed, _, voltage, temperature = BLOCK_1.unpack(block)
-        velocity, current = (DIRECTION - speed if speed & DIRECTION else speed), math.nan
-    else:
-        goal, _, _, _, _, current, velocity, position, drift, trajectory, voltage, temperature = BLOCK_2.unpack(block)
-        # With a profile switched on the servo follows its trajectory, not the goal; without one both read 0.
-        goal = trajectory if trajectory or drift else goal
-    return ServoState(
-        (goal - model.centre) * model.step,
-        (position - model.centre) * model.step,
-        velocity * model.speed,
-        voltage * 0.1,
-        float(temperature),
-        current * model.ampere,
-    )
-
-
-def encode_state(model: Model, state: ServoState) -> bytes:
-    """The state block that a servo without a profile would show; the inverse of ``decode_state`` but for rounding."""
-    goal = round(state.command / model.step) + model.centre
-    position = round(state.position / model.step) + model.centre
-    velocity = round(state.velocity / model.speed)
-    voltage, temperature = round(state.voltage * 10), round(state.temperature)
-    if model.protocol == 1:
-        speed = min(abs(velocity), DIRECTION - 1) | (DIRECTION if velocity < 0 else 0)
-        return BLOCK_1.pack(goal, 0, 1023, position, speed, 0, voltage, temperature)
-    current = 0 if math.isnan(state.current) or math.isnan(model.ampere) else round(state.current / model.ampere)
-    return BLOCK_2.pack(goal, 0, 1, 0, 0, current, velocity, position, 0, 0, voltage, temperature)
+    name = next((model.name for model in models.values() if model.number == number), "unknown model")
+    return f"{name} (model number {number})"

@@ -10,7 +10,6 @@ from lostmotion.drivers.codec.feetech import (
     MODELS,
     NUMBER,
     FeetechModel,
-    encode_state,
     number_bytes,
     signed,
 )
@@ -40,9 +39,6 @@ class VirtualFeetech(VirtualServo):
         self._table[IDENTITY : IDENTITY + NUMBER] = FIRMWARE + bytes((self._kind.order == ">",))
         self._table[NUMBER:ID_ADDRESS] = number_bytes(self._kind)
         self._table[ID_ADDRESS] = self.id
-
-    def block(self, now: float) -> bytes:
-        return encode_state(self._kind, self.state(now))
 
     def _goal(self, parameters: bytes) -> tuple[int, int] | None:
         if len(parameters) != 3:

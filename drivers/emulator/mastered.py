@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.codec.dynamixel import BROADCAST, READ, SYNC_READ, Packet, encode
 from lostmotion.drivers.codec.sniffer import SYNC_WRITE
 from lostmotion.drivers.emulator.server import Device
@@ -89,10 +88,9 @@ class MasteredLine(Tap):
         return sent
 
     def _round(self, now: float) -> Iterator[tuple[int, Packet]]:
-        kinds: dict[tuple[int, int, str], list[int]] = {}
+        kinds: dict[tuple[int, int, bool], list[int]] = {}
         for id, servo in self.line.servos.items():
-            order = servo.model.order if isinstance(servo.model, feetech.FeetechModel) else "<"
-            kinds.setdefault((servo.model.protocol, servo.model.address, order), []).append(id)
+            kinds.setdefault((servo.model.protocol, servo.model.address, servo.model.syncs), []).append(id)
         for (protocol, address, _), ids in kinds.items():
             yield protocol, self._goals(protocol, address, ids, now)
             yield from ((protocol, packet) for packet in self._questions(protocol, ids))

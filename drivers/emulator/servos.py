@@ -11,7 +11,7 @@ from struct import pack_into, unpack_from
 from typing import Self
 
 from lostmotion.drivers.codec.dynamixel import BROADCAST, PING, READ, STATUS, SYNC_READ, WRITE, Packet, decoder, encode
-from lostmotion.drivers.codec.servo_state import MODELS, Model, ServoState, encode_state
+from lostmotion.drivers.codec.servo_state import MODELS, Model, ServoState
 from lostmotion.drivers.emulator.motion import SPREAD_S, Motion
 
 __all__ = ["ServoLine", "VirtualServo"]
@@ -78,7 +78,7 @@ class VirtualServo:
 
     def block(self, now: float) -> bytes:
         """Its state block at a time [s]."""
-        return encode_state(self.model, self.state(now))
+        return self.model.encode(self.state(now))
 
     def _goal(self, parameters: bytes) -> tuple[int, int] | None:
         """Address and goal [counts] of a write; None where it is no goal's size."""

@@ -15,15 +15,12 @@ from lostmotion.drivers.codec.feetech import (
     FeetechModel,
     Listener,
     SyncQuestion,
-    decode_state,
-    encode_state,
     identity_question,
-    model_name,
     model_number,
     number_bytes,
     signed,
 )
-from lostmotion.drivers.codec.servo_state import ServoState
+from lostmotion.drivers.codec.servo_state import ServoState, model_name
 
 STS, SCS = MODELS["STS3215"], MODELS["SCS0009"]
 SIZE = 8
@@ -56,7 +53,7 @@ def test_the_manuals_answers() -> None:
     assert len(MANUAL_ANSWERS) == sync.length
     assert MANUAL_ANSWERS.startswith(sync.start)
     assert listener.broken == 0
-    told = {id: decode_state(STS, bytes(14) + data + bytes(7)) for id, data in listener.found.items()}
+    told = {id: STS.decode(bytes(14) + data + bytes(7)) for id, data in listener.found.items()}
     assert [told[id].position / STS.step for id in (1, 2)] == pytest.approx([0, -1])
     assert [told[id].voltage for id in (1, 2)] == pytest.approx([12.1, 11.9])
     assert [told[id].temperature for id in (1, 2)] == [30, 35]
@@ -69,7 +66,7 @@ def test_the_state_block_of_an_sts() -> None:
     table = bytearray(80)
     table[42:44], table[56:58], table[58:60] = b"\x00\x0c", b"\x00\x04", b"\x64\x80"
     table[60:62], table[62], table[63], table[69:71] = b"\x0a\x04", 74, 31, b"\x0a\x80"
-    state = decode_state(STS, bytes(table[42:71]))
+    state = STS.decode(bytes(table[42:71]))
     assert state.command == pytest.approx(math.pi / 2)
     assert state.position == pytest.approx(-math.pi / 2)
     assert state.velocity == pytest.approx(-100 * math.tau / 4096)
@@ -81,7 +78,7 @@ def test_the_state_block_of_an_scs() -> None:
     assert SCS.block_size == 22
     table = bytearray(80)
     table[42:44], table[56:58], table[58:60], table[62], table[63] = b"\x03\xff", b"\x00\x00", b"\x80\x64", 60, 29
-    state = decode_state(SCS, bytes(table[42:64]))
+    state = SCS.decode(bytes(table[42:64]))
     assert math.degrees(state.command) == pytest.approx(149.707, abs=1e-3)
     assert math.degrees(state.position) == pytest.approx(-150)
     assert math.degrees(state.velocity) == pytest.approx(-100 * 300 / 1024)
@@ -92,15 +89,15 @@ def test_the_state_block_of_an_scs() -> None:
 def test_a_position_below_zero_has_bit_15_set() -> None:
     """After a move of its zero an STS may stand at count -100, 0x8064; the word is no two's complement."""
     assert signed(0x8064) == -100
-    block = bytearray(encode_state(STS, ServoState(0.0, (-100 - 2048) * STS.step, 0.0, 7.4, 30)))
+    block = bytearray(STS.encode(ServoState(0.0, (-100 - 2048) * STS.step, 0.0, 7.4, 30)))
     assert block[14:16] == b"\x64\x80"
-    assert decode_state(STS, bytes(block)).position == pytest.approx(-2148 * STS.step)
+    assert STS.decode(bytes(block)).position == pytest.approx(-2148 * STS.step)
 
 
 @given(st.sampled_from(list(MODELS.values())), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.floats(-5, 5))
 def test_round_trip_within_a_count(model: FeetechModel, command: float, position: float, velocity: float) -> None:
     """What a servo is told to show is read back to half a count."""
-    state = decode_state(model, encode_state(model, ServoState(command, position, velocity, 7.4, 40.0, -0.1)))
+    state = model.decode(model.encode(ServoState(command, position, velocity, 7.4, 40.0, -0.1)))
     assert state.command == pytest.approx(command, abs=model.step / 2 + 1e-9)
     assert state.position == pytest.approx(position, abs=model.step / 2 + 1e-9)
     assert state.velocity == pytest.approx(velocity, abs=model.speed / 2 + 1e-9)
@@ -113,8 +110,8 @@ def test_model_numbers() -> None:
     assert number_bytes(SCS) == b"\x05\x04"
     for model in MODELS.values():
         assert model_number(b"\x03\x0a\x00" + number_bytes(model)) == model.number
-        assert model_name(model.number) == f"{model.name} (model number {model.number})"
-    assert model_name(1) == "unknown model (model number 1)"
+        assert model_name(model.number, MODELS) == f"{model.name} (model number {model.number})"
+    assert model_name(1, MODELS) == "unknown model (model number 1)"
 
 
 @given(st.integers(0, 252))

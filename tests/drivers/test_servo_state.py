@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState, decode_state, encode_state
+from lostmotion.drivers.codec.servo_state import ADDRESS, MODELS, Model, ServoState
 
 AX, X = MODELS["AX-12A"], MODELS["XM430-W350"]
 
@@ -27,20 +27,20 @@ def x_block(goal: int, current: int, velocity: int, position: int, drift: int = 
 @pytest.mark.parametrize(("count", "degrees"), [(512, 0.0), (0, -150.0), (1023, 149.707)])
 def test_ax_angles_are_centred(count: int, degrees: float) -> None:
     """Count 512 of an AX servo is 0 rad, and a count is 300°/1024."""
-    state = decode_state(AX, ax_block(goal=count, position=count))
+    state = AX.decode(ax_block(goal=count, position=count))
     assert math.degrees(state.command) == pytest.approx(degrees, abs=1e-3)
     assert state.position == state.command
 
 
 def test_ax_speed_has_its_sign_in_bit_10() -> None:
     """0x400 + 100 is 100 counts of 0.111 rev/min clockwise, which is negative."""
-    assert decode_state(AX, ax_block(speed=100)).velocity == pytest.approx(11.1 * math.tau / 60)
-    assert decode_state(AX, ax_block(speed=0x400 + 100)).velocity == pytest.approx(-11.1 * math.tau / 60)
+    assert AX.decode(ax_block(speed=100)).velocity == pytest.approx(11.1 * math.tau / 60)
+    assert AX.decode(ax_block(speed=0x400 + 100)).velocity == pytest.approx(-11.1 * math.tau / 60)
 
 
 def test_x_values_are_signed() -> None:
     """Current, velocity and position of an X servo below zero stay below zero."""
-    state = decode_state(X, x_block(goal=2048, current=-100, velocity=-10, position=-2048))
+    state = X.decode(x_block(goal=2048, current=-100, velocity=-10, position=-2048))
     assert state.current == pytest.approx(-0.269)
     assert state.velocity == pytest.approx(-2.29 * math.tau / 60)
     assert state.position == pytest.approx(-math.tau)
@@ -50,14 +50,14 @@ def test_x_values_are_signed() -> None:
 
 def test_the_profile_is_the_command_when_it_is_on() -> None:
     """A position trajectory that is not zero stands for the command; else the goal does."""
-    assert decode_state(X, x_block(3072, 0, 0, 2048, drift=5, trajectory=2560)).command == pytest.approx(math.tau / 8)
-    assert decode_state(X, x_block(3072, 0, 0, 2048)).command == pytest.approx(math.tau / 4)
+    assert X.decode(x_block(3072, 0, 0, 2048, drift=5, trajectory=2560)).command == pytest.approx(math.tau / 8)
+    assert X.decode(x_block(3072, 0, 0, 2048)).command == pytest.approx(math.tau / 4)
 
 
 def test_a_servo_without_a_current_sensor_tells_none() -> None:
     """The AX-12A and the XL430 measure no current; it is NaN, not 0."""
-    assert math.isnan(decode_state(AX, ax_block()).current)
-    assert math.isnan(decode_state(MODELS["XL430-W250"], x_block(2048, 55, 0, 2048)).current)
+    assert math.isnan(AX.decode(ax_block()).current)
+    assert math.isnan(MODELS["XL430-W250"].decode(x_block(2048, 55, 0, 2048)).current)
 
 
 def test_block_sizes_are_those_of_the_manual() -> None:
@@ -69,7 +69,7 @@ def test_block_sizes_are_those_of_the_manual() -> None:
 @given(st.sampled_from(list(MODELS.values())), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.floats(-5, 5))
 def test_round_trip_within_a_count(model: Model, command: float, position: float, velocity: float) -> None:
     """What a servo is told to show is read back to half a count."""
-    state = decode_state(model, encode_state(model, ServoState(command, position, velocity, 12.0, 40.0, 0.1)))
+    state = model.decode(model.encode(ServoState(command, position, velocity, 12.0, 40.0, 0.1)))
     assert state.command == pytest.approx(command, abs=model.step / 2 + 1e-9)
     assert state.position == pytest.approx(position, abs=model.step / 2 + 1e-9)
     assert state.velocity == pytest.approx(velocity, abs=model.speed / 2 + 1e-9)
