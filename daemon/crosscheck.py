@@ -40,8 +40,6 @@ PIECE = 65536
 ENDPOINT = re.compile(
     r"(tcp|udp|tls|quic|ws)/\S+:(?P<port>\d{1,5})([?#]\S*)?|(serial|unixsock-stream|unixpipe|vsock)/\S+", re.ASCII
 )
-LAST_PORT = 65535
-LISTEN = re.compile(r"([\d.]+|\[[0-9a-fA-F:.]+\]):(\d{1,5})", re.ASCII)
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 
@@ -205,12 +203,12 @@ def _addresses(config: Config) -> None:
 
 def _is_listenable(address: str) -> bool:
     """Whether a text is an IP address and a port."""
-    parts = LISTEN.fullmatch(address)
+    host, port = sockets.host_and_port(address) or ("", 0)
     try:
-        ip_address(parts[1].strip("[]") if parts else "")
+        ip_address(host)
     except ValueError:
         return False
-    return parts is not None and 0 < int(parts[2]) <= LAST_PORT
+    return port > 0
 
 
 def _database(config: Config) -> None:
@@ -253,7 +251,7 @@ def check_endpoints(name: str, endpoints: Iterable[str]) -> None:
     """Raises CrossCheckError for what Zenoh takes for no address; name: of the option that holds them."""
     for endpoint in endpoints:
         found = ENDPOINT.fullmatch(endpoint)
-        if found is None or int(found["port"] or 0) > LAST_PORT:
+        if found is None or int(found["port"] or 0) > sockets.LAST_PORT:
             raise CrossCheckError(
                 f"{name}: found {endpoint!r}, expected protocol/address:port such as tcp/127.0.0.1:7447 "
                 "(tcp, udp, tls, quic, ws; or serial, unixsock-stream, unixpipe, vsock with their own addresses)"

@@ -18,6 +18,7 @@ from lostmotion.daemon.metrics_http import MetricsServer
 from lostmotion.daemon.monitored_joint import Counts
 from lostmotion.daemon.reader import Reader, ReaderError, open_readonly
 from lostmotion.daemon.records import Health, ScoreRow
+from lostmotion.daemon.sockets import host_and_port
 from lostmotion.daemon.store import Store
 
 __all__ = ["Exporter"]
@@ -48,9 +49,10 @@ class Exporter:
 
     def __init__(self, listen: str, store: Store, counts: Mapping[str, Counts]) -> None:
         self._server: MetricsServer | None = None
-        host, _, port = listen.rpartition(":")
+        address = host_and_port(listen)
+        assert address is not None  # the configuration was checked
         try:
-            self._server = MetricsServer(host.strip("[]"), int(port), lambda: text(_all(store, counts)))
+            self._server = MetricsServer(*address, lambda: text(_all(store, counts)))
             log.info("metrics: http://%s/metrics", listen)
         except OSError as error:
             log.error("metrics: found %s not to be had (%s), expected a free address of this computer", listen, error)

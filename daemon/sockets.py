@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
     from lostmotion.daemon.options import CanOptions, WebOptions, ZenohOptions
 
-__all__ = ["Socket", "endpoints", "is_loopback", "page_address", "page_refusal", "sockets"]
+__all__ = ["LAST_PORT", "Socket", "endpoints", "host_and_port", "is_loopback", "page_refusal", "sockets"]
 
 SCOUTING = "udp/224.0.0.224:7446"
 """where Zenoh looks for others by multicast"""
 LOCAL = re.compile(r"(\w+/)?(127\.[\d.]+|\[::1\]|localhost):\d+.*|(unixsock-stream|unixpipe|serial|vsock)/.*")
 ENCRYPTED = re.compile(r"(tls|quic)/.*")
-PAGE = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
+ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):([0-9]{1,5})")
+LAST_PORT = 65535
 THIS_COMPUTER = "this computer"
 UNKNOWN = "unknown (the sink does not state it)"
 
@@ -76,16 +77,16 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
-def page_address(options: WebOptions) -> tuple[str, int] | None:
-    """Host and port of the page; None where ``listen`` names none."""
-    parts = PAGE.fullmatch(options.listen)
-    return (parts[1].strip("[]"), int(parts[2])) if parts and int(parts[2]) < 65536 else None
+def host_and_port(address: str) -> tuple[str, int] | None:
+    """The parts of HOST:PORT or [IPv6]:PORT; None for another text."""
+    parts = ADDRESS.fullmatch(address)
+    return (parts[1].strip("[]"), int(parts[2])) if parts and int(parts[2]) <= LAST_PORT else None
 
 
 def page_refusal(options: WebOptions) -> str:
     """Why the page is not served with these options, "" where it is: its address is none, others can reach it and
     need no password, there is half of what TLS needs, or a path begins with the home of nobody."""
-    address = page_address(options)
+    address = host_and_port(options.listen)
     if address is None:
         return f"web.listen: found {options.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:8737"
     if not (options.password_hash or options.token_file or is_loopback(address[0])):

@@ -17,7 +17,7 @@ from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.options import WebOptions
 from lostmotion.daemon.paths import expanded
-from lostmotion.daemon.sockets import page_address, page_refusal
+from lostmotion.daemon.sockets import host_and_port, page_refusal
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def web(
         return
     options = find_config(config).web
     options = msgspec.structs.replace(options, listen=listen or options.listen)
-    address, refusal = page_address(options), page_refusal(options)
+    address, refusal = host_and_port(options.listen), page_refusal(options)
     if refusal or address is None:
         raise WebError(refusal)
     keys = security.Keys(options.password_hash, _token(options))
