@@ -250,37 +250,18 @@ def score(recording: Path, config: Path | None, joint: str | None, as_json: bool
     score(recording, config, Asked(joint=joint, **given), as_json)
 
 
-cli.add_command(
-    LateCommand("alarms", "lostmotion.daemon.commands.alarms_cli:alarms", "Alarms: list, watch, ack, shelve.")
+LATE = (
+    ("alarms", "daemon.commands.alarms_cli:alarms", "Alarms: list, watch, ack, shelve."),
+    ("service", "daemon.commands.service_cli:service", "The systemd service: install, uninstall."),
+    ("fleet", "daemon.commands.fleet_cli:fleet", "Query all robots on a network."),
+    ("calibrate", "daemon.commands.calibrate_cli:calibrate", "Find the detector's settings from recordings."),
+    ("import", "daemon.commands.import_cli:import_recording", "Convert another program's file to a recording."),
+    ("export", "daemon.commands.export_cli:export", "Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun."),
+    ("web", "web.cli:web", "Serve the page: health, alarms, history and windows, in a browser."),
+    ("simulate", "lab.cli:simulate", "Make a recording from a model."),
+    ("effects", "lab.cli:effects", "The catalogue of effects, with their equations."),
+    ("lab", "lab.commands:lab", "Compare a model with measurements."),
 )
-cli.add_command(
-    LateCommand("service", "lostmotion.daemon.commands.service_cli:service", "The systemd service: install, uninstall.")
-)
-cli.add_command(LateCommand("fleet", "lostmotion.daemon.commands.fleet_cli:fleet", "Query all robots on a network."))
-cli.add_command(
-    LateCommand(
-        "calibrate",
-        "lostmotion.daemon.commands.calibrate_cli:calibrate",
-        "Find the detector's settings from recordings.",
-    )
-)
-cli.add_command(
-    LateCommand(
-        "import",
-        "lostmotion.daemon.commands.import_cli:import_recording",
-        "Convert another program's file to a recording.",
-    )
-)
-cli.add_command(
-    LateCommand(
-        "export",
-        "lostmotion.daemon.commands.export_cli:export",
-        "Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun.",
-    )
-)
-cli.add_command(
-    LateCommand("web", "lostmotion.web.cli:web", "Serve the page: health, alarms, history and windows, in a browser.")
-)
-cli.add_command(LateCommand("simulate", "lostmotion.lab.cli:simulate", "Make a recording from a model."))
-cli.add_command(LateCommand("effects", "lostmotion.lab.cli:effects", "The catalogue of effects, with their equations."))
-cli.add_command(LateCommand("lab", "lostmotion.lab.commands:lab", "Compare a model with measurements."))
+"""name, module and attribute, and help of the commands that are imported when they are called"""
+for name, target, short_help in LATE:
+    cli.add_command(LateCommand(name, f"lostmotion.{target}", short_help))

@@ -11,6 +11,7 @@ import numpy as np
 from lostmotion.daemon.options import AlarmOptions
 from lostmotion.daemon.records import Origin, ScoreRow, Severity
 from lostmotion.detector.median import median, weighted_quantile
+from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = ["LEAST_WINDOWS", "RANK", "Evidence", "grade"]
 
@@ -55,8 +56,8 @@ class Evidence:
 
     def __str__(self) -> str:
         share = f"{self.share:.0%} of the last {self.windows} windows above the level"
-        severity = f", severity {_arcmin(self.severity)}" if self.proved > 0 else ""
-        size = f", play {_arcmin(self.play)}" if self.play == self.play else ""
+        severity = f", severity {self.severity * ARC_MINUTES:.1f}'" if self.proved > 0 else ""
+        size = f", play {self.play * ARC_MINUTES:.1f}'" if self.play == self.play else ""
         trend = f", at its limit in {self.days:.0f} days as its trend goes" if self.days == self.days else ""
         origin = f", {self.origin}" if self.origin else ""
         return f"play: {share}, median {self.ratio:.2g} x level{severity}{size}{trend}{origin}"
@@ -103,10 +104,6 @@ def _play(windows: Sequence[ScoreRow]) -> float:
     width = plays[:, 1]
     weights = 1 / np.maximum(width, 1e-12) if np.isfinite(width).all() else np.ones(width.size)
     return weighted_quantile(plays[:, 0], weights, 0.5)
-
-
-def _arcmin(angle: float) -> str:
-    return f"{math.degrees(angle) * 60:.1f}'"
 
 
 def _per(days: float) -> float | None:

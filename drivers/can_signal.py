@@ -13,10 +13,10 @@ from lostmotion.drivers.clock import Clock
 from lostmotion.drivers.codec.signal import Layout, SignalError, layout_of
 from lostmotion.drivers.errors import DriverError
 from lostmotion.drivers.packages import is_there, missing
+from lostmotion.drivers.units import STANDARD_GRAVITY
 
 __all__ = ["DRIVER"]
 
-STANDARD_GRAVITY = 9.80665
 UNITS = {"m/s^2": 1.0, "m/s²": 1.0, "m/s2": 1.0, "m/s/s": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000,
          "G": STANDARD_GRAVITY, "": 1.0}  # fmt: skip
 """m/s² of what DBC files write; of a signal without a unit ``scale`` alone sets it"""

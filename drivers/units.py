@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["COLUMN_UNITS", "MANY_TURNS", "STANDARD_GRAVITY", "to_si"]
+__all__ = ["ARC_MINUTES", "COLUMN_UNITS", "MANY_TURNS", "STANDARD_GRAVITY", "to_si"]
 
 COLUMN_UNITS = {
     "time": "s",
@@ -20,6 +20,8 @@ COLUMN_UNITS = {
 }
 """The columns of a recording that have a meaning, each with its unit."""
 
+ARC_MINUTES = 60 * 180 / math.pi
+"""in a radian"""
 MANY_TURNS = 4 * math.pi
 """Angles beyond are doubted where no unit is known [rad]."""
 POUND_FORCE = 4.4482216152605
@@ -29,7 +31,7 @@ STANDARD_GRAVITY = 9.80665
 
 _FACTORS: dict[str, dict[str, float]] = {
     "s": {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
-    "rad": {"mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "arcmin": math.pi / 10800, "rev": 2 * math.pi},
+    "rad": {"mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "arcmin": 1 / ARC_MINUTES, "rev": 2 * math.pi},
     "rad/s": {"deg/s": math.pi / 180, "°/s": math.pi / 180, "rpm": math.pi / 30, "rev/s": 2 * math.pi},
     "m/s": {"mm/s": 1e-3, "cm/s": 1e-2},
     "m/s^2": {"m/s²": 1.0, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000},

@@ -9,12 +9,11 @@ from pathlib import Path
 
 from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
 from lostmotion.detector.cantilever import MATERIALS, Beam, frequencies, length_for, rectangle, rod
+from lostmotion.detector.play_size import LEAST_RATE
 
 __all__ = ["calibrate_bar", "parse_quantity"]
 
 FACTORS = {"m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3}, "kg": {"kg": 1.0, "g": 1e-3}}
-SAMPLES_A_PERIOD = 8
-"""with fewer, neither the size of the play nor its joint can be found"""
 SLENDER = 10.0
 """length by thickness; a shorter bar is softer than a cantilever of Euler's and Bernoulli's"""
 CLAMP = "a real one gives a little, and the bar rings lower: leave length to push in, and measure with calibrate tap"
@@ -62,13 +61,13 @@ def calibrate_bar(
     weight = beam.mass * length
     document = {
         "length_m": length, "f_res_hz": first, "second_hz": second, "bar_kg": weight, "tip_kg": tip,
-        "stiffness_n_m": 3 * beam.stiffness / length**3, "least_rate_hz": SAMPLES_A_PERIOD * first,
+        "stiffness_n_m": 3 * beam.stiffness / length**3, "least_rate_hz": LEAST_RATE * first,
     }  # fmt: skip
     words = [
         f"length  {length * 1e3:.1f} mm, free of the clamp",
         f"rings   at {first:.1f} Hz, and at {second:.0f} Hz in its second mode",
         f"weighs  {weight * 1e3:.1f} g, and {tip * 1e3:.1f} g at its end",
-        f"sensor  at least {SAMPLES_A_PERIOD * first:.0f} samples a second, to measure the size of the play",
+        f"sensor  at least {LEAST_RATE * first:.0f} samples a second, to measure the size of the play",
         f"clamp   {CLAMP}",
     ]
     values = {"f_res_hz": round(first, 1), "zeta": 0.012, "length_m": round(length, 4)}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from lostmotion.daemon.cli import FILE, as_json
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["ExportError", "export"]
@@ -16,11 +17,11 @@ class ExportError(LostmotionError):
 
 
 @click.command(short_help="Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun.")
-@click.argument("recording", type=click.Path(path_type=Path), metavar="REC")
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="FILE",
+@click.argument("recording", type=FILE, metavar="REC")
+@click.option("-o", "--output", type=FILE, required=True, metavar="FILE",
               help="File to write: .mcap, or .rrd for Rerun.")  # fmt: skip
 @click.option("--joint", metavar="NAME", help="Name of the joint there.  [default: that in REC, else joint]")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+@as_json
 def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> None:
     """Write REC for other programs: MCAP with messages of ROS 2 (Foxglove, PlotJuggler, ros2 bag), or Rerun.
 

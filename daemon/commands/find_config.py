@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from lostmotion.detector.play_size import LEAST_RATE
 from lostmotion.drivers.codec.registers import ALL_MODELS
 from lostmotion.drivers.probe.port import Look
 from lostmotion.drivers.probe.servos import FoundServo
@@ -13,8 +14,6 @@ from lostmotion.drivers.toml_text import toml_value
 __all__ = ["configuration"]
 
 USUAL_F_RES_HZ = 58.0
-SAMPLES_A_PERIOD = 8
-"""with fewer, the size of the play cannot be measured"""
 POLLS_HZ = (100, 50, 25, 20, 10, 5)
 TURN_S = 0.002
 """of a servo that obeys no sync read, and of the adapter, beside the bytes"""
@@ -90,7 +89,7 @@ def _sensor(name: str, port: str, sensor: FoundSensor) -> Iterator[str]:
         yield f"{key} = {toml_value(value)}{_hint(key, sensor)}"
     if sensor.driver == "csv_serial":
         yield f"scale = 1.0               # FILL IN: m/s² per unit of the reading{_seen(sensor)}"
-    f_res = min(USUAL_F_RES_HZ, round(sensor.rate_hz / SAMPLES_A_PERIOD, 1))
+    f_res = min(USUAL_F_RES_HZ, round(sensor.rate_hz / LEAST_RATE, 1))
     yield "# FILL IN: resonance and length of the metal bar; `lostmotion calibrate tap` measures the resonance"
     if f_res < USUAL_F_RES_HZ:
         limit = f"measure the size of the play on bars up to {f_res:g} Hz"

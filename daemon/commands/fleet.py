@@ -16,7 +16,6 @@ from lostmotion.daemon import documents, times
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply, ask
 from lostmotion.daemon.commands.trend import (
-    ARC_MINUTES,
     COLUMNS,
     RADIANS,
     Of,
@@ -25,6 +24,7 @@ from lostmotion.daemon.commands.trend import (
     history_of,
     table_row,
 )
+from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = ["alarms", "history", "status", "trend"]
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lostmotion.daemon.cli import FILE, as_json
+
 if TYPE_CHECKING:
     from lostmotion.drivers.formats.read import Imported
     from lostmotion.drivers.formats.source import Choice, Series
@@ -20,15 +22,15 @@ SHOWN = 60
 
 
 @click.command("import", short_help="Convert another program's file to a recording.")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="REC", help="Recording to write (CSV).")
+@click.argument("file", type=FILE)
+@click.option("-o", "--output", type=FILE, metavar="REC", help="Recording to write (CSV).")
 @click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
               help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip
 @click.option("--joint", default="", metavar="NAME", help="Which joint, where the file has several.")
 @click.option("--topic", "topics", multiple=True, metavar="T", help="MCAP, rosbag2: the topic that counts.")
 @click.option("--episode", type=click.IntRange(0), metavar="N", help="LeRobot: which episode.")
 @click.option("--rate-hz", type=float, metavar="R", help="Rows a second, where the file has no times.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+@as_json
 def import_recording(
     file: Path, output: Path | None, terms: tuple[str, ...], joint: str, topics: tuple[str, ...],
     episode: int | None, rate_hz: float | None, as_json: bool,

@@ -16,6 +16,7 @@ import msgspec
 
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.textfile import printable
+from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = [
     "OutputError",
@@ -197,7 +198,7 @@ def number(value: float) -> str:
 
 def arcmin(angle: float) -> str:
     """An angle [rad] in arc-minutes, a dash where it is unknown."""
-    return "-" if math.isnan(angle) else f"{math.degrees(angle) * 60:.1f}'"
+    return "-" if math.isnan(angle) else f"{angle * ARC_MINUTES:.1f}'"
 
 
 def bar(value: float, full: float, width: int = 12) -> str:

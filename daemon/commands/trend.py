@@ -25,9 +25,9 @@ from lostmotion.detector.normalise import normalised
 from lostmotion.detector.trend import MOST, Slope, WearTrend, summarise
 from lostmotion.detector.window import FloatArray
 from lostmotion.drivers.errors import LostmotionError
+from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = [
-    "ARC_MINUTES",
     "COLUMNS",
     "RADIANS",
     "History",
@@ -43,7 +43,7 @@ __all__ = [
 Of = Literal["score", "play", "severity"]
 MANY = {"score": "scores", "play": "plays", "severity": "severities"}
 DAY = 86400.0
-RADIANS, ARC_MINUTES = 1.0, 60 * 180 / math.pi
+RADIANS = 1.0
 UNITS = (("year", 365.25 * DAY), ("month", 30.4375 * DAY), ("day", DAY), ("hour", 3600.0), ("minute", 60.0))
 MONTH = UNITS[1][1]
 COLUMNS = ("of", "count", "now", "level", "slope", "direction", "limit")

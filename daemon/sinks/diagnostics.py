@@ -14,6 +14,7 @@ from datetime import datetime
 from lostmotion.daemon.records import AlarmRow, Cause, Health, JointRow, ScoreRow, micros
 from lostmotion.drivers.codec import rmw_zenoh
 from lostmotion.drivers.codec.cdr import CdrWriter
+from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = ["Board", "key", "tokens"]
 
@@ -65,7 +66,7 @@ class Board:
         if last := self._scores.get(row.name):
             values += [("score", f"{last.score:.4g}"), ("level", f"{last.level:.4g}")]
             sizes = {"play [arcmin]": last.play, "severity [arcmin]": last.severity}
-            values += [(name, f"{math.degrees(size) * 60:.3g}") for name, size in sizes.items() if math.isfinite(size)]
+            values += [(name, f"{size * ARC_MINUTES:.3g}") for name, size in sizes.items() if math.isfinite(size)]
         for cause in Cause:
             if (alarm := self._alarms.get((row.name, cause))) and alarm.is_active:
                 values.append((f"alarm {cause.value}", f"{alarm.severity.value}, {alarm.state.value}"))

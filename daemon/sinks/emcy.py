@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from lostmotion.daemon.records import AlarmEvent, AlarmRow, Cause, Health, ScoreRow, Severity, Transition
 from lostmotion.drivers.codec.cia301 import EMCY, HEARTBEAT, OPERATIONAL, TPDO1
+from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = ["EmcyNode", "Frame"]
 
@@ -74,7 +75,8 @@ class EmcyNode:
         if joint not in self._index:
             return []
         last = self._scores.get(joint)
-        severity, play = (_arcmin(last.severity), _arcmin(last.play)) if last else (UNKNOWN, UNKNOWN)
+        sizes = (last.severity, last.play) if last else (math.nan, math.nan)
+        severity, play = (_tenths(size * ARC_MINUTES) for size in sizes)
         health = HEALTHS[self._healths.get(joint, Health.OK)]
         self.last_state = STATE_LAYOUT.pack(self._index[joint], health, severity, play)
         return [Frame(TPDO1 + self._node, self.last_state)]
@@ -118,7 +120,7 @@ class EmcyNode:
     def _emcy(self, code: int, joint: str | None) -> Frame:
         last = self._scores.get(joint or "")
         index = ALL_JOINTS if joint is None else self._index[joint]
-        score, play = (_tenths(last.score), _arcmin(last.play)) if last else (UNKNOWN, UNKNOWN)
+        score, play = (_tenths(last.score), _tenths(last.play * ARC_MINUTES)) if last else (UNKNOWN, UNKNOWN)
         return Frame(EMCY + self._node, LAYOUT.pack(code, self.register, index, score, play))
 
 
@@ -128,10 +130,6 @@ def _code(alarm: AlarmRow) -> int:
     if alarm.cause is Cause.DEVICE:
         return DEVICE_FAULT
     return PLAY_ERROR if alarm.severity is Severity.ERROR else PLAY_WARNING
-
-
-def _arcmin(angle: float) -> int:
-    return _tenths(math.degrees(angle) * 60)
 
 
 def _tenths(value: float) -> int:
