@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-from lostmotion.drivers.textfile import printable
+from lostmotion.drivers.terminal import printable
 
 __all__ = ["setup"]
 

@@ -64,9 +64,9 @@ def endpoints(options: ZenohOptions) -> tuple[list[str], list[str]]:
     """Where the session connects to, and where it listens, including Zenoh's own file."""
     if not options.config:
         return options.connect, options.listen if options.mode != "client" else []
-    from lostmotion.daemon.zenoh_session import opened  # many do without Zenoh, and without its third of a second
+    from lostmotion.daemon import zenoh_session  # many do without Zenoh, and without its third of a second
 
-    return opened(options)
+    return zenoh_session.endpoints(options)
 
 
 def is_loopback(host: str) -> bool:

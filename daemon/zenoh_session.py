@@ -13,7 +13,7 @@ import zenoh
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.drivers.textfile import TextFileError, read_text
 
-__all__ = ["JSON", "SCHEMA", "brief", "configuration", "opened", "why_closed"]
+__all__ = ["JSON", "SCHEMA", "brief", "configuration", "connect_endpoints", "endpoints", "why_closed"]
 
 SCHEMA = 1
 """version of the payloads: grows when a key changes its meaning or goes away"""
@@ -91,12 +91,19 @@ def _from_file(path: str) -> zenoh.Config:
     return zenoh.Config.from_file(path)
 
 
-def opened(options: ZenohOptions) -> tuple[list[str], list[str]]:
+def endpoints(options: ZenohOptions) -> tuple[list[str], list[str]]:
     """The endpoints where the session connects to, and where it listens.  Raises zenoh.ZError."""
     config = configuration(options)
     mode = json.loads(config.get_json("mode"))
     listen = [] if mode == "client" else _of_mode(json.loads(config.get_json("listen/endpoints")), mode)
     return _of_mode(json.loads(config.get_json("connect/endpoints")), mode), listen
+
+
+def connect_endpoints(config: zenoh.Config) -> list[str]:
+    """The endpoints that a session connects to, whatever its mode."""
+    found = json.loads(config.get_json("connect/endpoints"))
+    each = found.values() if isinstance(found, dict) else [found]
+    return list(dict.fromkeys(str(endpoint) for some in each for endpoint in some or []))
 
 
 def _asked_to_listen(config: zenoh.Config, mode: str) -> list[str]:

@@ -11,6 +11,8 @@ EndOfData                    a replay has come to its end: no error, and no Lost
 
 from __future__ import annotations
 
+import os
+
 __all__ = [
     "DriverError",
     "EndOfData",
@@ -19,6 +21,8 @@ __all__ = [
     "PortError",
     "RecordingError",
     "UnknownDriverError",
+    "unreadable",
+    "unwritable",
 ]
 
 
@@ -48,3 +52,14 @@ class RecordingError(DriverError):
 
 class EndOfData(Exception):  # noqa: N818 - an ending, not an error
     """The driver has handed out all there is and never will have more (a replay at its end)."""
+
+
+def unreadable(path: object, error: OSError) -> str:
+    """One line for a file that cannot be read."""
+    return f"{path}: cannot be read: {error.strerror or error}; is the path right?"
+
+
+def unwritable(path: object, error: OSError) -> str:
+    """One line for a file that cannot be written."""
+    reason = os.strerror(error.errno) if error.errno else error  # a library may have put a page into strerror
+    return f"{path}: cannot be written: {reason}; is there a folder, and room?"

@@ -15,7 +15,7 @@ import numpy as np
 
 from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
 from lostmotion.drivers.codec.recording_csv import cells, head_text
-from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.errors import RecordingError, unwritable
 from lostmotion.drivers.recording import merge
 
 __all__ = ["Recorder"]
@@ -51,7 +51,7 @@ class Recorder:
             self._file = open(self._path, "wb", buffering=0, opener=_keeping)  # noqa: SIM115
             is_kept = os.fstat(self._file.fileno()).st_size > 0
         except OSError as error:
-            raise self._error(error) from error
+            raise RecordingError(unwritable(self._path, error)) from error
         self._head = head_text(metadata) + ",".join(("time", *COLUMNS)) + "\n"
         if not is_kept:
             self._begin()
@@ -132,7 +132,7 @@ class Recorder:
             with suppress(OSError):  # a pipe cannot be cut
                 self._file.truncate(self._size)
             self._close()
-            raise self._error(error) from error
+            raise RecordingError(unwritable(self._path, error)) from error
         self._size = size
 
     def _close(self) -> None:
@@ -141,12 +141,7 @@ class Recorder:
             if self.rows == 0 and not self._head and self._path.is_file():
                 self._path.unlink()
         except OSError as error:
-            raise self._error(error) from error
-
-    def _error(self, error: OSError) -> RecordingError:
-        return RecordingError(
-            f"{self._path}: cannot be written: {error.strerror or error}; is there a folder, and room?"
-        )
+            raise RecordingError(unwritable(self._path, error)) from error
 
 
 def _keeping(path: str, flags: int) -> int:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
-from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.errors import RecordingError, unreadable, unwritable
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.drivers.pacing import as_utc
@@ -188,7 +188,7 @@ def _read_own(path: Path) -> Recording:
             f"{path}: found the byte 0x{error.object[error.start]:02x}, expected UTF-8 text; is it a binary file?"
         ) from error
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; is the path right?") from error
+        raise RecordingError(unreadable(path, error)) from error
     times = table.columns.pop("time")
     if len(times) == 0:
         raise RecordingError(
@@ -294,9 +294,7 @@ def replaced(path: str | Path) -> Iterator[Path]:
             if not is_device:
                 target.unlink(missing_ok=True)
     except OSError as error:
-        raise RecordingError(
-            f"{path}: cannot be written: {error.strerror or error}; is there a folder, and room?"
-        ) from error
+        raise RecordingError(unwritable(path, error)) from error
 
 
 def merge(*sources: tuple[FloatArray, Mapping[str, FloatArray]]) -> tuple[FloatArray, dict[str, FloatArray]]:

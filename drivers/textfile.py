@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["TextFileError", "near", "printable", "read_text", "shortened"]
+__all__ = ["TextFileError", "near", "read_text", "shortened"]
 
 MOST_CHARACTERS = 1_000_000
 """a configuration of 1000 joints takes a fifth of it"""
@@ -38,14 +38,6 @@ def shortened(message: object) -> str:
     """What is wrong with a file, without the middle of a key or name that is a page long."""
     text = str(message)
     return text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} … {text[-LONGEST_LINE // 4 :]}"
-
-
-def printable(text: str) -> str:
-    """A text of others for a terminal, which obeys control characters: each but the end of a line is written as Python
-    writes it, such as \\x1b; so are those that turn the direction of a line."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
 def near(word: str, known: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
 from lostmotion.daemon.reader import ReaderError, open_readonly
 from lostmotion.daemon.records import AlarmRow, Request, Severity, Transition
-from lostmotion.drivers.textfile import printable
+from lostmotion.drivers.terminal import printable
 
 __all__ = ["change", "show", "watch"]
 

@@ -15,7 +15,7 @@ __all__ = ["CalibrationError", "lines_of", "report"]
 
 
 class CalibrationError(LostmotionError):
-    """The recordings do not determine the result, or the file for the lines cannot be written."""
+    """The recordings do not determine the result."""
 
 
 def lines_of(values: Mapping[str, Any], comment: str, inline: str = "") -> list[str]:
@@ -34,28 +34,14 @@ def report(
 ) -> None:
     """Prints the answer, warnings on stderr, and writes the TOML lines to a file that must not exist yet.
 
-    Raises CalibrationError when it does or cannot be written: a configuration is never changed behind its owner's back.
+    Raises OutputError when it does or cannot be written: a configuration is never changed behind its owner's back.
     """
     if target:
-        _write_new(target, lines)
+        advice = "nothing is merged into a configuration, copy the lines into it yourself"
+        output.write_new(target, "".join(f"{line}\n" for line in lines), advice)
     for warning in warnings:
         sys.stderr.write(f"warning: {warning}\n")
     if as_json:
         output.print_json({**document, "warnings": list(warnings), "toml": "\n".join(lines)})
     else:
         output.print_lines([*words, "", *lines])
-
-
-def _write_new(target: Path, lines: Sequence[str]) -> None:
-    try:
-        with target.open("x", encoding="utf-8") as file:
-            file.write("".join(f"{line}\n" for line in lines))
-    except FileExistsError as error:
-        raise CalibrationError(
-            f"{target}: found a file, expected a new one; nothing is merged into a configuration, "
-            "copy the lines into it yourself"
-        ) from error
-    except OSError as error:
-        raise CalibrationError(
-            f"{target}: cannot be written: {error.strerror}; is there a folder, and room?"
-        ) from error

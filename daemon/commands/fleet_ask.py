@@ -18,8 +18,7 @@ import zenoh
 
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.options import ZenohOptions
-from lostmotion.daemon.sinks.link_monitor import addresses
-from lostmotion.daemon.zenoh_session import SCHEMA, brief, configuration, why_closed
+from lostmotion.daemon.zenoh_session import SCHEMA, brief, configuration, connect_endpoints, why_closed
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["Fleet", "FleetError", "FleetReply", "ask"]
@@ -157,7 +156,7 @@ def _options(fleet: Fleet) -> ZenohOptions:
 def _endpoints(options: ZenohOptions) -> list[str]:
     """The endpoints to query; [""]: Zenoh's own file names no endpoint, but may look for some."""
     try:
-        return addresses(configuration(options)) or [""]
+        return connect_endpoints(configuration(options)) or [""]
     except zenoh.ZError as error:
         raise FleetError(f"{options.config}: no valid configuration of Zenoh: {brief(error)}") from error
 

@@ -127,7 +127,7 @@ def _explain(error: Exception) -> int:
 
 def _print_error(message: str) -> int:
     """A stderr that takes nothing, such as a log on a full disk, does not change the status: 1 would be bad news."""
-    from lostmotion.drivers.textfile import printable
+    from lostmotion.drivers.terminal import printable
 
     try:
         sys.stderr.write(f"lostmotion: {printable(' '.join(message.split()))}\n")

@@ -4,7 +4,6 @@ Nothing is computed here."""
 from __future__ import annotations
 
 import math
-import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,8 +13,8 @@ from typing import Any
 
 import msgspec
 
-from lostmotion.drivers.errors import LostmotionError
-from lostmotion.drivers.textfile import printable
+from lostmotion.drivers.errors import LostmotionError, unwritable
+from lostmotion.drivers.terminal import printable
 from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = [
@@ -53,19 +52,18 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else error
-        raise OutputError(f"{path}: cannot be written: {reason}; is there a folder, and room?") from error
+        raise OutputError(unwritable(path, error)) from error
 
 
-def refuse_existing(path: Path) -> None:
+def refuse_existing(path: Path, advice: str = "take another name, or move this one away") -> None:
     """Nothing is written over.  Raises OutputError."""
     if path.exists():
-        raise OutputError(f"{path}: found a file, expected a new one; take another name, or move this one away")
+        raise OutputError(f"{path}: found a file, expected a new one; {advice}")
 
 
-def write_new(path: Path, text: str) -> None:
-    """A file that must not exist yet.  Raises OutputError."""
-    refuse_existing(path)
+def write_new(path: Path, text: str, *advice: str) -> None:
+    """A file that must not exist yet; advice: as for ``refuse_existing``.  Raises OutputError."""
+    refuse_existing(path, *advice)
     with writing(path), path.open("x", encoding="utf-8") as file:
         file.write(text)
 

@@ -7,6 +7,7 @@ import shutil
 import numpy as np
 
 from lostmotion.daemon.commands.trend import DAY, History
+from lostmotion.drivers.terminal import has_colours
 
 __all__ = ["plot"]
 
@@ -17,11 +18,9 @@ TICKS = 5
 def plot(history: History) -> str:
     """The plot as text, coloured only for a terminal that wants colours."""
     import plotext
-    from rich.console import Console
 
     width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
-    console = Console()  # knows the terminals without colours, and NO_COLOR
-    plain = console.no_color or console.color_system is None
+    plain = not has_colours()
     wear = history.wear
     figure = plotext.figure
     figure.clear()

@@ -6,7 +6,6 @@ A session that had no memory at that moment stays as it is, for ever: it keeps t
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 import time
@@ -17,7 +16,7 @@ import zenoh
 from lostmotion.daemon.no_memory import retry_without_memory
 from lostmotion.daemon.repeats import Condition
 
-__all__ = ["LinkMonitor", "addresses"]
+__all__ = ["LOOK_S", "LinkMonitor"]
 
 log = logging.getLogger(__name__)
 
@@ -26,13 +25,6 @@ CLOSE_S = 2.0
 BROKEN_LOOKS = 3
 """so many looks in a row see a router without a link to it: the session will never find out.  Of 20 routers that were
 killed or stopped while there was memory each was seen so for 20 ms at most."""
-
-
-def addresses(config: zenoh.Config) -> list[str]:
-    """The endpoints that a session connects to, whatever its mode."""
-    found = json.loads(config.get_json("connect/endpoints"))
-    each = found.values() if isinstance(found, dict) else [found]
-    return list(dict.fromkeys(str(endpoint) for some in each for endpoint in some or []))
 
 
 class LinkMonitor:

@@ -27,9 +27,9 @@ from lostmotion.daemon.records import JointRow, ScoreRow, Transition, iso
 from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
-from lostmotion.daemon.sinks.link_monitor import LOOK_S, LinkMonitor, addresses
+from lostmotion.daemon.sinks.link_monitor import LOOK_S, LinkMonitor
 from lostmotion.daemon.sinks.queries import Queries, Queryable
-from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
+from lostmotion.daemon.zenoh_session import JSON, brief, configuration, connect_endpoints, why_closed
 
 if TYPE_CHECKING:
     from lostmotion.daemon.sinks.ros2 import Ros2Publisher
@@ -171,7 +171,7 @@ class ZenohSink:
                 config = configuration(self._options)
                 session = zenoh.open(config)
                 queryable = self._declare(session)
-                self._use(session, addresses(config))
+                self._use(session, connect_endpoints(config))
             except Exception as error:
                 if not isinstance(error, zenoh.ZError) and not is_no_memory(error):
                     raise

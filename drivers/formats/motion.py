@@ -18,7 +18,7 @@ from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
 from lostmotion.drivers.formats.table import MOST_LOOKED_AT, Table
 from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, speed_of
 
-__all__ = ["SWINGS", "angle_about_pivot", "liveliest", "power", "with_angle"]
+__all__ = ["SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle"]
 
 FILMED = "angle(x, y)"
 """the series of the angle of a point that was filmed"""
@@ -106,9 +106,14 @@ def _swings(values: FloatArray) -> bool:
     known = values[np.isfinite(values)]
     if known.size < 2:
         return False
-    steps, crossed = np.diff(known), np.count_nonzero(np.diff(np.sign(known - np.median(known))))
+    steps = np.diff(known)
     is_smooth = power(steps) < SMOOTH * power(known) and float(np.max(np.abs(steps))) < np.ptp(known) / 2
-    return bool(crossed >= SWINGS and is_smooth)
+    return crossings(known) >= SWINGS and bool(is_smooth)
+
+
+def crossings(values: FloatArray) -> int:
+    """How often numbers cross their middle."""
+    return int(np.count_nonzero(np.diff(np.sign(values - np.median(values))))) if values.size else 0
 
 
 def power(values: FloatArray) -> float:
@@ -134,8 +139,8 @@ def _bare(name: str) -> str:
 def with_angle(table: Table, choice: Choice) -> Table:
     """A film's table with the angle of its point about the pivot, where x and y lie on a circle; so do two columns
     beside the time that no names tell, on less than half of one."""
-    moving = any(column_of(one.name) in ("position", "displacement") for one in table.series)
-    if moving or {"position", "displacement"} & set(choice.terms):
+    moving = any(column_of(one.name) in MOTIONS for one in table.series)
+    if moving or MOTIONS & set(choice.terms):
         return table
     axes = _axes(table.series, None)
     if not axes and len(table.series) == 3 and all(UNNAMED.fullmatch(one.name) for one in table.series):

@@ -13,8 +13,8 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.guess import Chosen, guessed, speeds_told
-from lostmotion.drivers.formats.motion import SWINGS, liveliest, with_angle
+from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, speeds_told
+from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
@@ -25,7 +25,7 @@ from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
 __all__ = ["Imported", "imported"]
 
-ANGLES, MOTIONS = ("command", "position"), ("position", "displacement")
+ANGLES = ("command", "position")
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
 COUNTS = 90
@@ -114,18 +114,16 @@ def _offset(speed: FloatArray) -> float:
     the same in either half, as where a hand lifts the pendulum first."""
     halves = [half for half in np.array_split(speed, 2) if half.size > SWINGS]
     means = [float(np.average(half, weights=np.blackman(half.size + 2)[1:-1])) for half in halves]
-    crossed = np.count_nonzero(np.diff(np.sign(speed - np.median(speed)))) if speed.size else 0
     is_same = len(means) == 2 and abs(means[1] - means[0]) < abs(means[1] + means[0]) / 2
-    return sum(means) / 2 if is_same and crossed >= 2 * SWINGS else 0.0
+    return sum(means) / 2 if is_same and crossings(speed) >= 2 * SWINGS else 0.0
 
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
     if one.unit or one.why == "given" or one.factor != 1 or not values.size:
         return False
-    crossed = np.count_nonzero(np.diff(np.sign(values - np.median(values)))) >= SWINGS
     most = COUNTS if (values == np.rint(values)).all() else 360
-    return bool(crossed and np.pi < np.ptp(values) / 2 <= most)
+    return bool(crossings(values) >= SWINGS and np.pi < np.ptp(values) / 2 <= most)
 
 
 def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.errors import RecordingError, unreadable
 from lostmotion.drivers.formats.choice import parts_of
 from lostmotion.drivers.formats.source import Source
 from lostmotion.drivers.formats.words import column_of, is_input
@@ -95,7 +95,7 @@ def open_source(path: Path) -> Source:
             raise RecordingError(f"{path}: found {found.kind}, expected {EXPECTED}; {found.advice}")
         return _opener(found.opener)(path)
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; is the path right?") from error
+        raise RecordingError(unreadable(path, error)) from error
 
 
 def _open_folder(path: Path) -> Source:

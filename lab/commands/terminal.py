@@ -10,6 +10,7 @@ from pathlib import Path, PurePath
 import click
 import numpy as np
 
+from lostmotion.drivers.terminal import has_colours
 from lostmotion.lab.commands.table import print_table
 from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import SMALLEST_P, Scale, quantities, scale
@@ -62,11 +63,9 @@ def _print_recordings(comparison: Comparison) -> None:
 def _plot(overlay: Overlay) -> str:
     """A plot of a window with a typical error, coloured only in a terminal that supports colours."""
     import plotext
-    from rich.console import Console
 
     width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
-    console = Console()  # knows the terminals without colours, and NO_COLOR
-    plain = console.no_color or console.color_system is None
+    plain = not has_colours()
     figure = plotext.figure
     figure.clear()
     figure.plot_size(width, HEIGHT)

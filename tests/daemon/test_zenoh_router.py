@@ -17,8 +17,8 @@ from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Severity, Transition
 from lostmotion.daemon.sinks import link_monitor
-from lostmotion.daemon.sinks.link_monitor import addresses
 from lostmotion.daemon.sinks.zenoh import ZenohSink
+from lostmotion.daemon.zenoh_session import connect_endpoints
 from tests.daemon.alarm_world import Watcher
 from tests.daemon.conftest import wait_until
 from tests.daemon.zenoh_world import Router, session
@@ -147,8 +147,8 @@ def test_a_session_that_has_lost_its_connection_for_ever_is_opened_again(
 def test_where_a_session_connects_to() -> None:
     """A list, or one for each mode, as Zenoh's own file may have it; none is nowhere."""
     config = zenoh.Config()
-    assert addresses(config) == []
+    assert connect_endpoints(config) == []
     config.insert_json5("connect/endpoints", json.dumps({"peer": [], "client": ["tcp/a:1"], "router": ["tcp/b:2"]}))
-    assert sorted(addresses(config)) == ["tcp/a:1", "tcp/b:2"]
+    assert sorted(connect_endpoints(config)) == ["tcp/a:1", "tcp/b:2"]
     config.insert_json5("connect/endpoints", json.dumps(["tcp/c:3"]))
-    assert addresses(config) == ["tcp/c:3"]
+    assert connect_endpoints(config) == ["tcp/c:3"]
