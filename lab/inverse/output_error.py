@@ -136,12 +136,8 @@ class OutputError(Problem):
             row[known.shape[1] :] += size * np.ptp(self.signals[0].position)
         return np.asarray(found.ravel())
 
-    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Measured less simulated motion, all recordings one after the other (M,) [rad, m or m/s²]."""
-        return self.residual(model, nuisance)
-
-    def residuals(self, points: Sequence[Point]) -> FloatArray:
-        """The misfits (K, M) of several models, each with its nuisance parameters."""
+    def misfits(self, points: Sequence[Point]) -> FloatArray:
+        """Measured less simulated motion, all recordings one after the other (K, M) [rad, m or m/s²]."""
         return np.concatenate([left for left, _ in self._compared(points)], axis=1)
 
     def zeros(self, model: Model, nuisance: FloatArray) -> list[float]:

@@ -71,8 +71,13 @@ class Problem(ABC):
         """The number of samples of each recording; their sum is M."""
 
     @abstractmethod
+    def misfits(self, points: Sequence[Point]) -> FloatArray:
+        """Measured less modelled signal (K, M), all recordings one after the other, for each of several models with its
+        nuisance parameters."""
+
     def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Measured less modelled signal, all recordings one after the other (M,)."""
+        """The same of one model (M,)."""
+        return np.asarray(self.misfits([(model, nuisance)])[0])
 
     @abstractmethod
     def signal_rms(self, model: Model) -> float:
@@ -98,7 +103,7 @@ class Problem(ABC):
 
     def residuals(self, points: Sequence[Point]) -> FloatArray:
         """The residuals (K, M) of several models, each with its nuisance parameters."""
-        return np.array([self.whitened(self.misfit(*point)) for point in points])
+        return np.array([self.whitened(misfit) for misfit in self.misfits(points)])
 
     def suited(self, models: Sequence[Model]) -> Self:
         """The same problem with an integration step that these models need, where motions are simulated."""
@@ -170,10 +175,11 @@ class InverseModel(Problem):
             free[:1] = HELD
         return free
 
-    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Measured less modelled torque within the band, all recordings one after the other (M,) [N m]."""
-        pairs = zip(self.signals, self.needed(model, nuisance), strict=True)
-        return np.concatenate([one.filtered(one.torque - torque) for one, torque in pairs])
+    def misfits(self, points: Sequence[Point]) -> FloatArray:
+        """Measured less modelled torque within the band, all recordings one after the other (K, M) [N m]."""
+        torques = zip(*(self.needed(*point) for point in points), strict=True)
+        pairs = zip(self.signals, torques, strict=True)
+        return np.concatenate([one.filtered(one.torque - np.array(each)) for one, each in pairs], axis=1)
 
     def coloured(self, misfit: FloatArray) -> Self:
         """The problem with the colour of this misfit (M,): the correlation of its neighbouring samples."""
@@ -224,13 +230,13 @@ class EquationError(InverseModel):
         """Empty, as there are no nuisance parameters."""
         return np.empty(0)
 
-    def misfit(self, model: Model, nuisance: FloatArray) -> FloatArray:
-        """Measured less modelled acceleration within the band, all recordings one after the other (M,) [rad/s²]."""
-        pairs = zip(self.signals, self.transmitted, strict=True)
-        return np.concatenate([
-            one.filtered(one.acceleration - acceleration(one.experiment.model(model), one, drive))
-            for one, drive in pairs
-        ])  # fmt: skip
+    def misfits(self, points: Sequence[Point]) -> FloatArray:
+        """Measured less modelled acceleration within the band, all recordings one after the other (K, M) [rad/s²]."""
+        found = []
+        for one, drive in zip(self.signals, self.transmitted, strict=True):
+            each = [acceleration(one.experiment.model(model), one, drive) for model, _ in points]
+            found.append(one.filtered(one.acceleration - np.array(each)))
+        return np.concatenate(found, axis=1)
 
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the acceleration [rad/s² or m/s²]."""

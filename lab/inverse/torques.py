@@ -95,11 +95,13 @@ def _run(
     plan: Any, values: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, parts: int,
     found: FloatArray, work: Work,
 ) -> None:  # fmt: skip
+    """Samples are lanes (model/lanes.py) side by side, but one after the other where states follow from the motion."""
     m, w = terms(plan, values), memory(work)
     n, x, dx = m.states, w.x, w.k1
-    for i in range(time.size):
-        w.time[0], w.value[0] = time[i], drive[i]
+    many = LANES if n == 2 else 1
+    for i in range(0, time.size, many):
         for k in range(parts if i and n > 2 else 0):
+            w.time[0], w.value[0] = time[i], drive[i]
             at, h = (k + 0.5) / parts, (time[i] - time[i - 1]) / parts
             x[0] = position[i - 1] + at * (position[i] - position[i - 1])
             x[LANES] = (position[i] - position[i - 1]) / (time[i] - time[i - 1])
@@ -107,10 +109,14 @@ def _run(
             rates(m, w, dx, 0, 1)
             for j in range(2, n):
                 x[j * LANES] += h * dx[j * LANES]
-        x[0], x[LANES] = position[i], velocity[i]
-        load(m, w, x, dx, 0.0, w.none, 0, 1)
-        rates(m, w, dx, 0, 1)
-        found[i] = dx[LANES]
+        count = min(many, time.size - i)
+        for k in range(count):
+            w.time[k], w.value[k] = time[i + k], drive[i + k]
+            x[k], x[LANES + k] = position[i + k], velocity[i + k]
+        load(m, w, x, dx, 0.0, w.none, 0, count)
+        rates(m, w, dx, 0, count)
+        for k in range(count):
+            found[i + k] = dx[LANES + k]
 
 
 _evaluate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_run))

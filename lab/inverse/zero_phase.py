@@ -19,19 +19,19 @@ ORDER = 4
 def lowpass(values: FloatArray, band: float) -> FloatArray:
     """Filters values (..., N) along the last axis without a phase shift; band: the cutoff in cycles per sample.
 
-    As ``scipy.signal.sosfiltfilt`` does, which takes 0.20 instead of 0.03 ms for 1250 samples, and two calls of
-    ``sosfilt`` without padding 0.07: a search of a joint's torque filters some twenty thousand such signals.
+    As ``scipy.signal.sosfiltfilt`` does, which takes 0.20 ms for 1250 samples where this takes 0.04, and 0.01 for each
+    of eight signals together (two calls of ``sosfilt`` without padding: 0.08 and 0.04): a search of a joint's torque
+    filters some twenty thousand such signals.
     """
     sections, settled = _butterworth(band)
     padding = min(values.shape[-1] - 1, round(3 / band))
-    first, last = values[..., :1], values[..., -1:]
-    padded = np.concatenate(
-        [2 * first - values[..., padding:0:-1], values, 2 * last - values[..., -2 : -padding - 2 : -1]], axis=-1
-    )
-    for row in padded.reshape(-1, padded.shape[-1]):  # views
-        _filter(row, sections, settled)
-        _filter(row[::-1], sections, settled)
-    return padded[..., padding : padding + values.shape[-1]]
+    rows = np.moveaxis(values, -1, 0)
+    before, after = 2 * rows[:1] - rows[padding:0:-1], 2 * rows[-1:] - rows[-2 : -padding - 2 : -1]
+    padded = np.concatenate([before, rows, after])
+    columns = padded.reshape(len(padded), -1)  # views
+    _filter(columns, sections, settled)
+    _filter(columns[::-1], sections, settled)
+    return np.ascontiguousarray(np.moveaxis(padded[padding : padding + len(rows)], 0, -1))
 
 
 @lru_cache(maxsize=64)
@@ -44,19 +44,21 @@ def _butterworth(band: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _sections(values: FloatArray, sections: FloatArray, settled: FloatArray) -> None:
-    """Filters values (N,) in place, transposed direct form II, from the steady state of the first value."""
-    begin = values[0]
-    for section in range(sections.shape[0]):
-        b0, b1, b2, a1, a2 = (
-            sections[section, 0], sections[section, 1], sections[section, 2], sections[section, 4], sections[section, 5]
-        )  # fmt: skip
-        one, two = settled[section, 0] * begin, settled[section, 1] * begin
-        for i in range(values.size):
-            x = values[i]
-            y = b0 * x + one
-            one = b1 * x - a1 * y + two
-            two = b2 * x - a2 * y
-            values[i] = y
+    """Filters the columns of values (N, K) in place, transposed direct form II, from the steady state of the first
+    row."""
+    one, two = settled[:, :1] * values[0], settled[:, 1:] * values[0]
+    for i in range(values.shape[0]):
+        for section in range(sections.shape[0]):
+            b0, b1, b2, a1, a2 = (
+                sections[section, 0], sections[section, 1], sections[section, 2], sections[section, 4],
+                sections[section, 5],
+            )  # fmt: skip
+            for k in range(values.shape[1]):
+                x = values[i, k]
+                y = b0 * x + one[section, k]
+                one[section, k] = b1 * x - a1 * y + two[section, k]
+                two[section, k] = b2 * x - a2 * y
+                values[i, k] = y
 
 
 _filter = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_sections))
