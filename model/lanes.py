@@ -8,14 +8,14 @@ instructions where the kernel has no branches and calls no library.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, models, overload, register_model
 
-__all__ = ["LANES", "POINTER", "VECTOR", "address", "call", "lane", "offset"]
+__all__ = ["LANES", "POINTER", "VECTOR", "address", "batches", "call", "intrinsic_function", "lane", "offset"]
 
 LANES = 16
 """Most simulations side by side: a fit of gears has 5 to 16 (an initial state, its changes and those of parameters)."""
@@ -23,7 +23,18 @@ VECTOR = 8
 """Several lanes are computed in multiples of this number: loops over fewer have no vector instructions."""
 POINTER: Any = cast(Any, types).CPointer(types.float64)
 
-_intrinsic: Callable[[Callable[..., Any]], Callable[..., Any]] = intrinsic
+
+def batches(count: int) -> Iterator[slice]:
+    """Runs in parts of at most ``LANES``, a multiple of ``VECTOR`` where that is possible.  None is left alone: it
+    would be rounded otherwise than those beside which finite differences need it."""
+    many = -(-count // LANES)
+    size = -(-count // many // VECTOR) * VECTOR if many > 1 else count
+    while many > 1 and count % size == 1:
+        size -= 1
+    return (slice(first, min(first + size, count)) for first in range(0, count, size))
+
+
+intrinsic_function: Callable[[Callable[..., Any]], Callable[..., Any]] = intrinsic
 
 
 class _Lane(types.Type):
@@ -43,7 +54,7 @@ def _element(builder: Any, pointer: Any, row: Any) -> Any:
     return builder.gep(pointer, [builder.mul(row, ir.Constant(row.type, LANES))])
 
 
-@_intrinsic
+@intrinsic_function
 def lane(context: Any, pointer: Any, number: Any) -> Any:
     """The lane of this number of the array at the pointer."""
 
@@ -53,7 +64,7 @@ def lane(context: Any, pointer: Any, number: Any) -> Any:
     return _LANE(pointer, number), codegen
 
 
-@_intrinsic
+@intrinsic_function
 def offset(context: Any, pointer: Any, number: Any) -> Any:
     """The pointer, so many numbers further."""
 
@@ -63,7 +74,7 @@ def offset(context: Any, pointer: Any, number: Any) -> Any:
     return POINTER(pointer, number), codegen
 
 
-@_intrinsic
+@intrinsic_function
 def _read(context: Any, one: Any, row: Any) -> Any:
     def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         return builder.load(_element(builder, *args))
@@ -71,7 +82,7 @@ def _read(context: Any, one: Any, row: Any) -> Any:
     return types.float64(one, row), codegen
 
 
-@_intrinsic
+@intrinsic_function
 def _write(context: Any, one: Any, row: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         number = context.cast(builder, args[2], signature.args[2], types.float64)
@@ -97,7 +108,7 @@ def _setitem(one: Any, row: Any, value: Any) -> Any:
     return write if isinstance(one, _Lane) else None
 
 
-@_intrinsic
+@intrinsic_function
 def call(context: Any, function: Any, s: Any, x: Any, dx: Any, p: Any, out: Any, count: Any) -> Any:
     """Calls the kernel at an address for ``count`` lanes, which begin at these pointers."""
 
@@ -109,7 +120,7 @@ def call(context: Any, function: Any, s: Any, x: Any, dx: Any, p: Any, out: Any,
     return types.void(types.uint64, *[POINTER] * 5, types.int64), codegen
 
 
-@_intrinsic
+@intrinsic_function
 def address(context: Any, array: Any, index: Any) -> Any:
     """A pointer to array[index]."""
 

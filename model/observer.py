@@ -8,59 +8,74 @@ is off at the next sample is a smooth function of the parameters (a Luenberger o
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from lostmotion.model.kernel import OPTIONS, compiled
-from lostmotion.model.lanes import LANES, address, offset
+from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
+from lostmotion.model.lanes import LANES, VECTOR, address, batches, offset
 from lostmotion.model.motion import FloatArray, Motion
-from lostmotion.model.pieces import Pieces, cut
+from lostmotion.model.pieces import Pieces, are_alike, cut
 from lostmotion.model.rk4 import (
     IntArray,
     Plan,
+    Pointer,
     Values,
     Work,
     beside,
+    in_lanes,
     inputs,
     load,
     memory,
     rates,
+    rk4,
     rk4_of_one,
     run,
     terms,
     work_for,
 )
 
-__all__ = ["Budget", "ObserverRun", "at_samples", "observer_input"]
+__all__ = ["UNLIMITED", "Budget", "Followed", "ObserverRun", "at_samples", "follow", "observer_input"]
 
 
 class Budget(NamedTuple):
     """The loss of a run, the sum of log(1 + min((e/unit)², far)) over its samples from the ``first`` on, and the loss
-    ``most`` above which the run ends; samples after that count with the largest loss, log(1 + far)."""
+    ``most`` above which it ends, (K,) or that of all; samples after that count with the largest loss, log(1 + far)."""
 
     first: int = 0
     unit: float = 1.0
     far: float = math.inf
-    most: float = math.inf
+    most: FloatArray | float = math.inf
 
 
 UNLIMITED = Budget()
+DIVERGED = 1e9
+"""An innovation from which on a run is over."""
+
+
+class Followed(NamedTuple):
+    """Of K runs the innovation at each sample, e = measured - modelled (K, N), the states after gain e was added to
+    them (K, N, n), and the losses (K,); see ``follow``.
+
+    Innovations and states are infinite from where the motion diverges or the loss exceeds the budget.
+    """
+
+    e: FloatArray
+    states: FloatArray
+    loss: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObserverRun:
-    """Calling it with a start state (n,), gains (n,), the measured signal (N,) and a sub-step [s] gives the innovation
-    at each sample, e = measured - modelled (N,), the states after gain e was added to them (N, n), and the loss of the
-    run (see Budget).
+    """A model made ready to be run along a measurement.
 
-    Innovations and states are infinite from where the motion diverges or the loss exceeds the budget.  knots:
-    (K + 1,) [s] from origin, with every sample among them; at: (N,) which of them the samples are; reading: the signal
-    that is measured.
+    knots: (K + 1,) [s] from origin, with every sample among them; coefficients: (K + 1, 6) of the input's polynomials;
+    at: (N,) which of the knots the samples are; reading: the signal that is measured.
     """
 
     plan: Plan
@@ -70,15 +85,56 @@ class ObserverRun:
     origin: float
     reading: int
 
-    def __call__(
-        self, start: FloatArray, gain: FloatArray, measured: FloatArray, substep_s: float, budget: Budget = UNLIMITED
-    ) -> tuple[FloatArray, FloatArray, float]:
-        e, states = np.full(self.at.size, np.inf), np.full((self.at.size, start.size), np.inf)
-        values = beside([self.plan], [self.origin])
-        work = work_for(self.plan, values, start[None])
-        loss = _follow(self.plan, values, self.knots, self.coefficients, self.at, substep_s, gain, self.reading,
-                       measured, e, states, work, *budget)  # fmt: skip
-        return e, states, float(loss)
+    def goes_beside(self, other: ObserverRun) -> bool:
+        """Whether another run has the same terms, input, and distances between knots and samples."""
+        return (
+            self.plan.addresses is other.plan.addresses
+            and self.reading == other.reading
+            and are_alike(self.knots, other.knots)
+            and _are_equal(self.coefficients, other.coefficients)
+            and _are_equal(self.at, other.at)
+        )
+
+
+def _are_equal(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    return one is other or np.array_equal(one, other)
+
+
+def follow(
+    runs: Sequence[ObserverRun], starts: FloatArray, gains: FloatArray, measured: FloatArray, substep_s: float,
+    budget: Budget = UNLIMITED, *, keeps: bool = True,
+) -> Followed:  # fmt: skip
+    """Runs along one measured signal (N,), each from a state and with gains of its own, (K, n) each; those that go
+    beside each other are computed together.  keeps: whether innovations and states are wanted, else they are empty."""
+    K, n = starts.shape
+    N = measured.size if keeps else 0
+    found = Followed(np.full((K, N), np.inf), np.full((K, N, n), np.inf), np.empty(K))
+    most = np.broadcast_to(budget.most, K)
+    left = list(range(K))
+    while left:
+        beside = [i for i in left if runs[i].goes_beside(runs[left[0]])]
+        left = [i for i in left if i not in beside]
+        for lanes in batches(len(beside)):
+            which = beside[lanes]
+            own = budget._replace(most=most[which])
+            part = _follow_beside([runs[i] for i in which], starts[which], gains[which], measured, substep_s, own, N)
+            found.e[which], found.states[which], found.loss[which] = part
+    return found
+
+
+def _follow_beside(
+    runs: Sequence[ObserverRun], starts: FloatArray, gains: FloatArray, measured: FloatArray, substep_s: float,
+    budget: Budget, N: int,
+) -> Followed:  # fmt: skip
+    """At most ``LANES`` runs that go beside each other; N: the number of innovations and states that are kept."""
+    first, (K, n) = runs[0], starts.shape
+    found = Followed(np.full((K, N), np.inf), np.full((K, N, n), np.inf), np.zeros(K))
+    values = beside([run.plan for run in runs], [run.origin for run in runs])
+    _follow(
+        first.plan, values, first.knots, first.coefficients, first.at, substep_s, in_lanes([*gains]), first.reading,
+        measured, found.e, found.states, work_for(first.plan, values, starts), *budget[:3], budget.most, found.loss,
+    )  # fmt: skip
+    return found
 
 
 def observer_input(
@@ -110,43 +166,80 @@ def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArra
     return knots, moved
 
 
+@subroutine
+def _evaluate(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, end: int) -> None:
+    """k1 = f(x) at a knot, in the lanes 0 … end - 1."""
+    inputs(m, w, c, left, w.none, 0.0, w.none, 0, end)
+    load(m, w, x, k1, 0.0, w.none, 0, end)
+    rates(m, w, k1, 0, end)
+
+
+@jitted
+def _judge(
+    m: Any, w: Any, reading: int, measured: float, counts: bool, rest: int,
+    unit: float, far: float, most: FloatArray, losses: FloatArray, is_over: Any,
+) -> None:  # fmt: skip
+    """Sets the innovations w.slope of a sample, zero in lanes that are over, and adds to the losses; rest: how many
+    samples count from here on."""
+    for k in range(most.size):
+        error = measured - w.s[reading * LANES + k]
+        loss = math.log1p(min((error / unit) ** 2, far)) if counts else 0.0
+        if not is_over[k] and not (abs(error) < DIVERGED and losses[k] + loss <= most[k]):
+            is_over[k], loss = True, rest * math.log1p(far)
+            losses[k] += loss
+        w.slope[k] = 0.0 if is_over[k] else error
+        losses[k] += 0.0 if is_over[k] else loss
+
+
+@jitted
+def _keep(w: Any, x: Pointer, o: int, e: FloatArray, states: FloatArray, is_over: Any) -> None:
+    """Writes innovations and states of sample o in the lanes that are not over, if they are wanted."""
+    for k in range(is_over.size if e.shape[1] else 0):
+        if not is_over[k]:
+            e[k, o] = w.slope[k]
+            for i in range(states.shape[2]):
+                states[k, o, i] = x[i * LANES + k]
+
+
 def _corrected(
     plan: Plan, values: Values, knots: FloatArray, coefficients: FloatArray, at: IntArray, substep: float,
     gain: FloatArray, reading: int, measured: FloatArray, e: FloatArray, states: FloatArray, work: Work,
-    first: int, unit: float, far: float, most: float,
-) -> float:  # fmt: skip
-    """See ObserverRun; writes e and states, and returns the loss."""
-    m, w, polynomials, spent = terms(plan, values), memory(work), address(coefficients, 0), 0.0
-    n, o, x, y, k1, k4 = m.states, 0, w.x, w.y, w.k1, w.k4
+    first: int, unit: float, far: float, most: FloatArray, losses: FloatArray,
+) -> None:  # fmt: skip
+    """See ``follow``; gain: (n x LANES,); e: (lanes, N) and states: (lanes, N, n), or (lanes, 0) and (lanes, 0, n);
+    most: (lanes,); losses: (lanes,) zeros.  Writes e, states and losses."""
+    m, w, polynomials, count = terms(plan, values), memory(work), address(coefficients, 0), most.size
+    o, x, y, k1, k4 = 0, w.x, w.y, w.k1, w.k4
+    end = 1 if count == 1 else (count + VECTOR - 1) // VECTOR * VECTOR
+    is_over = np.zeros(count, dtype=np.bool_)
     for interval in range(knots.size):
         c, left = offset(polynomials, m.numbers * interval), knots[interval]
         if o < at.size and at[o] == interval:
-            inputs(m, w, c, left, w.none, 0.0, w.none, 0, 1)
-            load(m, w, x, k1, 0.0, w.none, 0, 1)
-            rates(m, w, k1, 0, 1)
-            run(m, w, w.k, m.live, m.count, 0, 1)
-            error = measured[o] - w.s[reading * LANES]
-            loss = math.log1p(min((error / unit) ** 2, far)) if o >= first else 0.0
-            if not (abs(error) < 1e9 and spent + loss <= most):
-                return spent + (at.size - max(o, first)) * math.log1p(far)
-            spent += loss
-            e[o] = error
-            for i in range(n):
-                x[i * LANES] += gain[i] * error
-                states[o, i] = x[i * LANES]
+            if interval == 0:  # later, the signals are those at the end of the step before
+                _evaluate(m, w, c, left, x, k1, end)
+            run(m, w, w.k, m.live, m.count, 0, end)
+            _judge(m, w, reading, measured[o], o >= first, at.size - max(o, first), unit, far, most, losses, is_over)
+            if is_over.all():
+                break
+            for at_state in range(0, m.states * LANES, LANES):
+                for k in range(end):
+                    x[at_state + k] += gain[at_state + k] * w.slope[k]
+            _keep(w, x, o, e, states, is_over)
             o += 1
-            load(m, w, x, k1, 0.0, w.none, 0, 1)
-            rates(m, w, k1, 0, 1)
+            _evaluate(m, w, c, left, x, k1, end)
         if o == at.size:
             break
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
-        w.h[0] = (knots[interval + 1] - left) / steps
+        h = (knots[interval + 1] - left) / steps
         for step in range(steps):
-            w.since[0] = step * w.h[0]
-            rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
+            for k in range(end):
+                w.since[k], w.h[k] = step * h, h
+            if end == 1:
+                rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
+            else:
+                rk4(m, w, c, left, x, k1, k4, y, end)
             x, y = y, x
             k1, k4 = k4, k1
-    return spent
 
 
 _follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_corrected))

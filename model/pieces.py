@@ -15,11 +15,13 @@ import numpy as np
 from lostmotion.model.errors import ModelError
 from lostmotion.model.motion import FloatArray, Motion, Sampled
 
-__all__ = ["Pieces", "cut"]
+__all__ = ["Pieces", "are_alike", "cut"]
 
 KNOT_S = 1e-3
 TOLERANCE = 1e-9
 """Largest error at the middle of the pieces, as a share of the input's largest magnitude."""
+ROUNDING = 1e-9
+"""Largest difference of times that are the same, as a share of the length of a run."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,11 @@ def cut(drive: Motion | None, start: float, length: float, delay: float = 0.0) -
         if _middle_error(drive, pieces, start - delay) <= TOLERANCE:
             break
     return pieces
+
+
+def are_alike(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two arrays of times are the same but for rounding."""
+    return one is other or (one.size == other.size and bool(np.abs(one - other).max() <= ROUNDING * one[-1]))
 
 
 @lru_cache(maxsize=256)  # a fit asks for the same stretches of a few recordings thousands of times

@@ -16,8 +16,8 @@ from lostmotion.model.kernel import jitted, subroutine
 from lostmotion.model.lanes import LANES, address, call, lane, offset
 
 __all__ = [
-    "ORDERS", "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "beside", "inputs", "load",
-    "memory", "rates", "rk4", "rk4_of_one", "run", "terms", "work_for",
+    "ORDERS", "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "beside", "in_lanes", "inputs",
+    "load", "memory", "rates", "rk4", "rk4_of_one", "run", "terms", "work_for",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -137,17 +137,17 @@ def beside(plans: Sequence[Plan], origins: Sequence[float], numbers: int = ORDER
     """The values of up to ``LANES`` plans with the same terms, and the origins of their times [s]; one alone is that of
     all lanes, and the last one also that of the lanes that are left."""
     return Values(
-        p=_in_lanes([plan.p for plan in plans]),
-        preset_values=_in_lanes([plan.preset_values for plan in plans]),
-        start=_in_lanes([plan.start for plan in plans]),
-        layer=_in_lanes([plan.layer for plan in plans]),
-        sharpest=_in_lanes([plan.sharpest for plan in plans]),
-        origin=_in_lanes(origins),
+        p=in_lanes([plan.p for plan in plans]),
+        preset_values=in_lanes([plan.preset_values for plan in plans]),
+        start=in_lanes([plan.start for plan in plans]),
+        layer=in_lanes([plan.layer for plan in plans]),
+        sharpest=in_lanes([plan.sharpest for plan in plans]),
+        origin=in_lanes(origins),
         numbers=numbers,
     )
 
 
-def _in_lanes(every: Sequence[FloatArray | float]) -> FloatArray:
+def in_lanes(every: Sequence[FloatArray | float]) -> FloatArray:
     """Numbers, or arrays (rows,), one for each lane, as an array of lanes (rows x LANES,)."""
     if len(every) == 1:
         return np.repeat(every[0], LANES)

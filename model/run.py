@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.pieces import Pieces
+from lostmotion.model.pieces import Pieces, are_alike
 from lostmotion.model.rk4 import IntArray, Plan
 from lostmotion.model.solve import solve
 
 __all__ = ["Run", "run_beside", "run_each"]
-
-ROUNDING = 1e-9
-"""Largest difference of times that are the same, as a share of the length of a run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,14 +44,9 @@ class Run:
             return False
         return (
             np.array_equal(self.records, other.records)
-            and _are_alike(self.pieces.knots, other.pieces.knots)
-            and _are_alike(self.grid, other.grid)
+            and are_alike(self.pieces.knots, other.pieces.knots)
+            and are_alike(self.grid, other.grid)
         )
-
-
-def _are_alike(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two arrays of times are the same but for rounding."""
-    return one is other or (one.size == other.size and bool(np.abs(one - other).max() <= ROUNDING * one[-1]))
 
 
 def run_each(runs: Sequence[Run | None], starts: FloatArray, substep_s: float) -> list[FloatArray | None]:

@@ -13,14 +13,14 @@ takes its own parts of the step while the others wait.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 
 from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
-from lostmotion.model.lanes import LANES, VECTOR, address, offset
+from lostmotion.model.lanes import LANES, VECTOR, address, batches, offset
 from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import (
     FloatArray,
@@ -365,7 +365,7 @@ def solve(
     out = np.empty((K, records.size, times.size))
     states = np.empty((K, times.size, n) if keeps_states else (K, 0, 0))
     peak = 0.0
-    for lanes in _batches(K):
+    for lanes in batches(K):
         part, coefficients = starts[lanes], _coefficients(_lanes_of(pieces, lanes))
         values = beside(_lanes_of(plans, lanes), _lanes_of(origins, lanes), coefficients.shape[1])
         found = integrate(
@@ -374,14 +374,6 @@ def solve(
         )  # fmt: skip
         peak = peak if lanes.start else found
     return out, states, float(peak)
-
-
-def _batches(count: int) -> Iterator[slice]:
-    """Runs in equal parts of at most ``LANES``: one that was left alone would be rounded otherwise than those beside
-    which finite differences need it."""
-    many = -(-count // LANES)
-    size = -(-count // many)
-    return (slice(first, first + size) for first in range(0, count, size))
 
 
 def _lanes_of(every: Sequence[T], lanes: slice) -> Sequence[T]:

@@ -16,6 +16,7 @@ from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration
 from lostmotion.model import ModelError, build_model, catalogue
 from lostmotion.model.motion import Sine
+from lostmotion.model.observer import follow
 
 __all__ = ["compile_models", "compile_tests"]
 
@@ -47,7 +48,8 @@ def compile_models() -> None:
         start = plain.initial_state(drive)
         plain.prepare(drive, TIMES, [output], 0.0)(start[None, :], 1e-4)
         if base == "play":
-            plain.observer(drive, TIMES, output, 0.0)(start, np.zeros(start.size), np.zeros(TIMES.size), 1e-4)
+            run = plain.observer(drive, TIMES, output, 0.0)
+            follow([run], start[None], np.zeros((1, start.size)), np.zeros(TIMES.size), 1e-4)
         for effect in catalogue():
             try:
                 build_model(base, [effect.id]).simulate(drive, TIMES)

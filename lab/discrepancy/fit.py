@@ -17,7 +17,7 @@ from lostmotion.lab.discrepancy.basis import wave_guess
 from lostmotion.lab.observer.filter import STRONG, TIGHT
 from lostmotion.lab.observer.objective import OUTSIDE, Follower, settled
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.model import Model, ModelError
+from lostmotion.model import Model
 from lostmotion.model.effects.registry import registered
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.signals import TORQUE
@@ -46,13 +46,13 @@ class Descent:
         """The minimum that Levenberg-Marquardt steps from the values of a model lead to; coupling: of the observers."""
         unknowns = Unknowns.of(model, follower.rough)
         z, (low, high) = unknowns.z(model), unknowns.bounds
-        e, damping = _errors(model, follower, coupling), 1e-2
+        (e,), damping = follower.errors([model], coupling), 1e-2
         cost = _cost(e)
         for _ in range(STEPS):
             if is_over() or not math.isfinite(cost):
                 break
-            moved = [_errors(unknowns.put(model, z + step), follower, coupling) for step in STEP * np.eye(z.size)]
-            J, w = (np.array(moved).T - e[:, None]) / STEP, 1 / (1 + (e / OUTSIDE) ** 2)
+            moved = follower.errors([unknowns.put(model, z + step) for step in STEP * np.eye(z.size)], coupling)
+            J, w = (moved.T - e[:, None]) / STEP, 1 / (1 + (e / OUTSIDE) ** 2)
             if not np.isfinite(J).all():
                 break
             H, g = (J * w[:, None]).T @ J + np.diag(1 / unknowns.prior**2), (J * w[:, None]).T @ e
@@ -60,7 +60,7 @@ class Descent:
             for _ in range(TRIALS):
                 dz = np.linalg.solve(H + damping * np.diag(np.diag(H)), -g)
                 there = np.clip(z + np.clip(dz, -2.0, 2.0), low, high)
-                tried = _errors(unknowns.put(model, there), follower, coupling)
+                (tried,) = follower.errors([unknowns.put(model, there)], coupling)
                 if _cost(tried) < cost:
                     z, e, cost, damping = there, tried, _cost(tried), damping / 8
                     break
@@ -77,7 +77,7 @@ def best_wave(model: Model, follower: Follower, target: int) -> float:
     A sine of the sensor is assumed to appear in the innovations with its frequency and any amplitude and phase.
     """
     fastest = FASTEST_HZ if target == TORQUE else FASTEST * follower.segments[0].rate_hz
-    e = _errors(model, follower, TIGHT)
+    (e,) = follower.errors([model], TIGHT)
     weight = 1 / (1 + (e / OUTSIDE) ** 2)
     best, found = -1.0, SLOWEST_HZ
     for hz in np.arange(SLOWEST_HZ, fastest, 0.5 / min(s.duration for s in follower.segments)):
@@ -97,22 +97,14 @@ def _torque_wave(model: Model, follower: Follower, hz: float, e: FloatArray) -> 
     guess = wave_guess(model.base, TORQUE, hz, 1.0)
     with registered([guess.effect]):
         own = model.with_effect(guess.effect.id)
-        moved = [_errors(own.replace({f"{guess.effect.id}.{part}": FAINT}), follower, TIGHT) for part in "ab"]
-    return np.asarray((np.array(moved) - e).T)
+        moved = follower.errors([own.replace({f"{guess.effect.id}.{part}": FAINT}) for part in "ab"], TIGHT)
+    return np.asarray((moved - e).T)
 
 
 def _sensor_wave(follower: Follower, hz: float) -> FloatArray:
     """Sine and cosine at the times of the innovations (N, 2)."""
     time = np.concatenate([segment.time[settled(segment)] for segment in follower.segments])
     return np.column_stack([np.sin(2 * math.pi * hz * time), np.cos(2 * math.pi * hz * time)])
-
-
-def _errors(model: Model, follower: Follower, coupling: float) -> FloatArray:
-    """The innovations (N,), see ``Follower.errors``; infinite where the model cannot be simulated."""
-    try:
-        return follower.errors(model, coupling)
-    except ModelError:
-        return np.full(sum(s.time[settled(s)].size for s in follower.segments), np.inf)
 
 
 def _cost(e: FloatArray) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.model import Model, ModelError
+from lostmotion.model.observer import follow
 
 __all__ = ["compile_kernels"]
 
@@ -30,4 +31,5 @@ def compile_kernels(model: Model, effects: Sequence[str], experiment: Experiment
         step = own.simulate(drive, time, start).substep_s
         if in_segments:
             own.prepare(drive, time, [column], experiment.clock_zero)(start[None], step)
-            own.observer(drive, time, column, experiment.clock_zero)(start, np.zeros(start.size), reading, step)
+            run = own.observer(drive, time, column, experiment.clock_zero)
+            follow([run], start[None], np.zeros((1, start.size)), reading, step)

@@ -9,8 +9,9 @@ are the objective of the global search (objective.py), and the states are initia
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.shooting.segment import in_motion
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.observer import UNLIMITED, Budget
+from lostmotion.model.observer import UNLIMITED, Budget, Followed, ObserverRun, follow
 
-__all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Observer", "can_follow", "sampled", "states_at"]
+__all__ = ["SETTLED_S", "STRONG", "TIGHT", "WEAK", "Observer", "Start", "can_follow", "sampled", "states_at"]
 
 TIGHT, STRONG, WEAK = 1.0, 0.3, 0.1
 """High, medium and low gain: the standard deviation of the excitation of the bar at every sample, in units of the
@@ -33,6 +34,14 @@ EARLIER_S = 1.5e-3
 ``STRONG`` are smallest at 1 to 2 ms, a tenth below those at 0."""
 SETTLED_S = 0.2
 """Settling time of an observer from an unknown initial state [s]."""
+
+
+class Start(NamedTuple):
+    """What is run, from which state (n,), and with which gains (n,)."""
+
+    run: ObserverRun
+    state: FloatArray
+    gain: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,24 +65,36 @@ class Observer:
         s = float(C @ P @ C) + 1.0
         return cls(np.asarray(P @ C / s), math.sqrt(s))
 
-    def run(
-        self, model: Model, experiment: Experiment, substep_s: float, budget: Budget = UNLIMITED
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Innovations (N,) [m/s²] and corrected states (N, n) along an experiment without gaps in accel, and the loss
-        of the innovations; see ``model.observer.ObserverRun``.
+    def run(self, model: Model, experiment: Experiment, substep_s: float) -> tuple[FloatArray, FloatArray]:
+        """Innovations (N,) [m/s²] and corrected states (N, n) along an experiment without gaps in accel.
 
         model: with the experiment's values.  Raises ModelError for a motion that is not finite.
         """
-        value, measured = model.parameters, experiment.measured[ACCEL]
+        found = self.follow([self.start(model, experiment)], experiment, substep_s)
+        return found.e[0], found.states[0]
+
+    def start(self, model: Model, experiment: Experiment) -> Start:
+        """The start of a run of a model, with the experiment's values.  Raises ModelError for a motion that is not
+        finite."""
+        value, first = model.parameters, experiment.measured[ACCEL][0]
         start = in_motion(model, experiment.drive, float(experiment.time[0]))
-        start[2] = -value["m"].value / value["k"].value * measured[0]
+        start[2] = -value["m"].value / value["k"].value * first
         gain, names = np.zeros(start.size), model.state_names
         gain[2:4], jump = self.gain, -self.gain[1] / value["l"].value
         for angle, speed in JOINT:
             if angle in names:
                 gain[names.index(angle)], gain[names.index(speed)] = -EARLIER_S * jump, jump
-        run = model.observer(experiment.drive, experiment.time, ACCEL, experiment.clock_zero)
-        return run(start, gain, measured, substep_s, budget)
+        return Start(model.observer(experiment.drive, experiment.time, ACCEL, experiment.clock_zero), start, gain)
+
+    @staticmethod
+    def follow(
+        starts: Sequence[Start], experiment: Experiment, substep_s: float, budget: Budget = UNLIMITED,
+        *, keeps: bool = True,
+    ) -> Followed:  # fmt: skip
+        """The runs along an experiment without gaps in accel, side by side; see ``model.observer.follow``."""
+        runs, states, gains = zip(*starts, strict=True)
+        return follow(runs, np.array(states), np.array(gains), experiment.measured[ACCEL], substep_s, budget,
+                      keeps=keeps)  # fmt: skip
 
 
 def can_follow(model: Model, *experiments: Experiment) -> bool:

@@ -28,13 +28,14 @@ from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.effects.guesses import MotionScales
+from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Optimum", "search_effects", "search_parameters"]
 
-FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 20
+FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 24
 """Least size of the first population; its size for each initial guess of an effect with many of them, and its largest
-size; size of the later populations."""
+size; size of the later populations, a multiple of ``VECTOR``."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of the logarithms of parameters in a first population."""
@@ -131,13 +132,13 @@ class _Population:
         self._models, self._z, self.costs = [kept[i] for i in order], z[order], costs[order]
 
     def _first_costs(self, models: Sequence[Model], z: FloatArray) -> FloatArray:
-        """The costs of a first population (K,), exact for its best members, which will be kept."""
-        costs = np.full(len(models), math.inf)
-        best: list[float] = []
-        for i, model in enumerate(models):
-            most = best[-1] if len(best) == POPULATION else math.inf
-            costs[i] = self._cost(model, z[i], most)
-            best = sorted([*best, costs[i]])[:POPULATION]
+        """The costs of a first population (K,), exact for its best members, which will be kept; so many as go side by
+        side are evaluated at once."""
+        costs = np.empty(0)
+        for first in range(0, len(models), LANES):
+            most = np.sort(costs)[POPULATION - 1] if costs.size >= POPULATION else math.inf
+            part = slice(first, first + LANES)
+            costs = np.append(costs, self._costs(models[part], z[part], most))
         return costs
 
     def best(self, effect: str) -> Optimum:
@@ -154,24 +155,29 @@ class _Population:
     def judge_by(self, follower: Follower, coupling: float = STRONG) -> None:
         """Sets the objective and the gain, and evaluates the population."""
         self._follower, self._coupling = follower, coupling
-        self.costs = np.array([self._cost(model, one) for model, one in zip(self._models, self._z, strict=True)])
+        self.costs = self._costs(self._models, self._z)
 
     def evolve(self, generations: int) -> None:
-        """Evolves the population by so many generations, or until the time is up."""
-        random, z, size = self._random, self._z, len(self._z)
+        """Evolves the population by so many generations, or until the time is up.  The members of a generation are
+        evaluated side by side."""
         for _ in range(generations):
             if is_over():
                 break
-            top = np.argsort(self.costs)[: max(3, size // 5)]
-            for i in range(size):
-                (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))
-                step = DIFFERENTIAL_WEIGHT * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
-                crossed = np.where(random.random(step.size) < CROSSOVER, step, 0.0)
-                trial = np.clip(z[i] + crossed, *self._unknowns.bounds)
-                model = self._mutated(self._models[lead])
-                cost = self._cost(model, trial, self.costs[i])
-                if cost < self.costs[i]:
-                    self._models[i], z[i], self.costs[i] = model, trial, cost
+            models, trials = self._offspring()
+            costs = self._costs(models, trials, self.costs)
+            for i in np.flatnonzero(costs < self.costs):
+                self._models[i], self._z[i], self.costs[i] = models[i], trials[i], costs[i]
+
+    def _offspring(self) -> tuple[list[Model], FloatArray]:
+        """A trial for each member: models with whole numbers, and vectors (K, P)."""
+        random, z, size = self._random, self._z, len(self._z)
+        top, models, trials = np.argsort(self.costs)[: max(3, size // 5)], [], np.empty_like(z)
+        for i in range(size):
+            (a, b), lead = random.choice(size, 2, replace=False), int(random.choice(top))
+            step = DIFFERENTIAL_WEIGHT * (z[lead] - z[i]) + random.uniform(0.3, 0.9) * (z[a] - z[b])
+            trials[i] = z[i] + np.where(random.random(step.size) < CROSSOVER, step, 0.0)
+            models.append(self._mutated(self._models[lead]))
+        return models, np.clip(trials, *self._unknowns.bounds)
 
     def _mutated(self, model: Model) -> Model:
         """The model, in half of the calls with its whole numbers changed by at most ``FARTHEST``."""
@@ -182,8 +188,10 @@ class _Population:
         changed = zip(values.items(), steps, strict=True)
         return model.replace({name: p.clipped(p.value + step) for (name, p), step in changed})
 
-    def _cost(self, model: Model, z: FloatArray, most: float = math.inf) -> float:
-        return self._follower.cost(self._unknowns.put(model, z), self._coupling, most)
+    def _costs(self, models: Sequence[Model], z: FloatArray, most: FloatArray | float = math.inf) -> FloatArray:
+        """The costs of models with these values (K,); see ``Follower.costs``."""
+        put = [self._unknowns.put(model, one) for model, one in zip(models, z, strict=True)]
+        return self._follower.costs(put, self._coupling, most)
 
     def _spread(self) -> FloatArray:
         """Standard deviations of z in a first population (P,): ``WIDTH`` for the base, ``EFFECT_WIDTH`` for effects."""

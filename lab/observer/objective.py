@@ -6,13 +6,15 @@ The global search (global_search.py) and the descriptions of unknown functions (
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import ACCEL, Experiment
-from lostmotion.lab.observer.filter import SETTLED_S, STRONG, TIGHT, WEAK, Observer, sampled
+from lostmotion.lab.observer.filter import SETTLED_S, STRONG, TIGHT, WEAK, Observer, Start, sampled
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
@@ -68,41 +70,58 @@ class Follower:
         usual = float(np.std(self.segments[0].measured[ACCEL]))
         return replace(self.alone(), noise=max(self.noise, ROUGH * usual))
 
-    def cost(self, model: Model, coupling: float, most: float = math.inf) -> float:
+    def cost(self, model: Model, coupling: float) -> float:
         """The mean of log(1 + min((e/c)², FAR)) over the innovations e in units of their expected deviation, with c =
-        OUTSIDE; the logarithm limits the weight of outliers.  Infinite where the model cannot be run.
+        OUTSIDE; the logarithm limits the weight of outliers.  Infinite where the model cannot be run."""
+        return float(self.costs([model], coupling)[0])
 
-        most: a cost above this one is not computed exactly; the runs end as soon as it is exceeded.
+    def costs(self, models: Sequence[Model], coupling: float, most: FloatArray | float = math.inf) -> FloatArray:
+        """The cost of each of K models with the same effects (K,), run side by side.
+
+        most: costs above these, (K,) or one of all, are not computed exactly; the runs end as soon as they are
+        exceeded.
         """
-        try:
-            _, loss = self._run(model, coupling, most)
-        except ModelError:
-            return math.inf
-        return loss / self._samples
+        losses, largest = np.zeros(len(models)), np.broadcast_to(most, len(models)) * (1 + ROUNDING) * self._samples
+        for one in self.segments:
+            asked = np.flatnonzero((losses <= largest) & np.isfinite(losses))
+            starts = {i: start for i in asked.tolist() if (start := self._start(models[i], one, coupling))}
+            losses[[i for i in asked if i not in starts]] = math.inf
+            if starts:
+                budget = self._budget(one, coupling)._replace(most=(largest - losses)[[*starts]])
+                found = Observer.follow([*starts.values()], one, self.substep_s, budget, keeps=False)
+                losses[[*starts]] += found.loss
+        return losses / self._samples
 
-    def errors(self, model: Model, coupling: float, most: float = math.inf) -> FloatArray:
-        """The innovations of all segments one after the other (N,), in units of the standard deviation that they have
-        for the right model, without those of the settling time; infinite from where the cost exceeds ``most``.  Raises
-        ModelError."""
-        return self._run(model, coupling, most)[0]
+    def errors(self, models: Sequence[Model], coupling: float) -> FloatArray:
+        """The innovations of all segments one after the other (K, N), in units of the standard deviation that they have
+        for the right model, without those of the settling time; of K models with the same effects, run side by side.
+        Infinite where a model cannot be run."""
+        parts = []
+        for one in self.segments:
+            starts = {i: start for i, model in enumerate(models) if (start := self._start(model, one, coupling))}
+            e = np.full((len(models), one.time.size), np.inf)
+            if starts:
+                e[[*starts]] = Observer.follow([*starts.values()], one, self.substep_s, self._budget(one, coupling)).e
+            parts.append(e[:, settled(one)] / self._unit(coupling))
+        return np.concatenate(parts, axis=1)
 
     @property
     def _samples(self) -> int:
         """N, the number of innovations that count."""
         return sum(one.time[settled(one)].size for one in self.segments)
 
-    def _run(self, model: Model, coupling: float, most: float) -> tuple[FloatArray, float]:
-        """The innovations (N,), see ``errors``, and the sum of their losses, see ``cost``."""
-        observer, errors, loss = self.observers[coupling], [], 0.0
-        unit = observer.expected * self.noise
-        largest = most * (1 + ROUNDING) * self._samples
-        for one in self.segments:
-            counted = settled(one)
-            budget = Budget(counted.start, OUTSIDE * unit, FAR, largest - loss)
-            e, _, own = observer.run(one.model(model), one, self.substep_s, budget)
-            errors.append(e[counted] / unit)
-            loss += own
-        return np.concatenate(errors), loss
+    def _start(self, model: Model, segment: Experiment, coupling: float) -> Start | None:
+        """The start of a run over a segment; None where the model cannot be run."""
+        with suppress(ModelError):
+            return self.observers[coupling].start(segment.model(model), segment)
+        return None
+
+    def _unit(self, coupling: float) -> float:
+        """The expected standard deviation of an innovation [m/s²]."""
+        return self.observers[coupling].expected * self.noise
+
+    def _budget(self, segment: Experiment, coupling: float) -> Budget:
+        return Budget(settled(segment).start, OUTSIDE * self._unit(coupling), FAR)
 
 
 def _window(experiment: Experiment, hz: float) -> Experiment:

@@ -6,7 +6,6 @@ creeps instead of sticking.  omega_0 is a parameter, fixed where an acceleromete
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -24,6 +23,7 @@ from lostmotion.model.effects.base import (
 )
 from lostmotion.model.effects.guesses import SMALL, grid
 from lostmotion.model.effects.words import Words
+from lostmotion.model.elementary import exponential, tanh
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import BAR_FORCE, FORCE, OMEGA2, Q_RATE, TORQUE
@@ -46,32 +46,32 @@ def viscous(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 @kernel
 def coulomb(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-tau_c sign(omega); p: tau_c, omega_0."""
-    return -p[0] * math.tanh(s[OMEGA2] / p[1])
+    return -p[0] * tanh(s[OMEGA2] / p[1])
 
 
 @kernel
 def coulomb_on_oscillator(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-tau_c sign(q'); p: tau_c, omega_0."""
-    return -p[0] * math.tanh(s[Q_RATE] / p[1])
+    return -p[0] * tanh(s[Q_RATE] / p[1])
 
 
 @kernel
 def stribeck(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-(tau_c + (tau_s - tau_c) exp(-(omega/omega_s)²)) sign(omega); p: tau_c, tau_s, omega_s, omega_0."""
-    fall = math.exp(-((s[OMEGA2] / p[2]) ** 2))
-    return -(p[0] + (p[1] - p[0]) * fall) * math.tanh(s[OMEGA2] / p[3])
+    fall = exponential(-((s[OMEGA2] / p[2]) ** 2))
+    return -(p[0] + (p[1] - p[0]) * fall) * tanh(s[OMEGA2] / p[3])
 
 
 @kernel
 def load_dependent(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-mu |F| R2 sign(omega); p: mu, omega_0, R2."""
-    return -p[0] * abs(s[FORCE]) * p[2] * math.tanh(s[OMEGA2] / p[1])
+    return -p[0] * abs(s[FORCE]) * p[2] * tanh(s[OMEGA2] / p[1])
 
 
 @kernel
 def torque_dependent(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-mu |transmitted torque| sign(omega); p: mu, omega_0."""
-    return -p[0] * abs(s[FORCE]) * math.tanh(s[OMEGA2] / p[1])
+    return -p[0] * abs(s[FORCE]) * tanh(s[OMEGA2] / p[1])
 
 
 def _stribeck_rate(values: Mapping[str, float], operating: Operating) -> float:

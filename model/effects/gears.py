@@ -10,6 +10,7 @@ from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
 from lostmotion.model.effects.guesses import PHASES, grid, turns
 from lostmotion.model.effects.words import Words
+from lostmotion.model.elementary import cosine, sine
 from lostmotion.model.kernel import Slots, kernel, whole_power
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import FORCE, GAP, GAP_RATE, OMEGA1, THETA1, THETA2, TORQUE
@@ -28,13 +29,13 @@ _PHI = Parameter(0.0, "rad", -math.pi, math.pi, False, "guess", "phase")
 @kernel
 def eccentric_gap(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """e sin(N theta_1 + phi); p: e, N, phi."""
-    return p[0] * math.sin(p[1] * s[THETA1] + p[2])
+    return p[0] * sine(p[1] * s[THETA1] + p[2])
 
 
 @kernel
 def eccentric_rate(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """Its derivative, e N omega_1 cos(N theta_1 + phi); p: e, N, phi."""
-    return p[0] * p[1] * s[OMEGA1] * math.cos(p[1] * s[THETA1] + p[2])
+    return p[0] * p[1] * s[OMEGA1] * cosine(p[1] * s[THETA1] + p[2])
 
 
 @kernel
@@ -47,7 +48,7 @@ def asymmetric(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
 @kernel
 def ripple(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """tau_r sin(N theta_2 + phi); p: tau_r, N, phi."""
-    return p[0] * math.sin(p[1] * s[THETA2] + p[2])
+    return p[0] * sine(p[1] * s[THETA2] + p[2])
 
 
 def _ripple_rate(values: Mapping[str, float], operating: Operating) -> float:

@@ -9,6 +9,7 @@ from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on, servo_sized
 from lostmotion.model.effects.guesses import PHASES, grid
 from lostmotion.model.effects.words import Words
+from lostmotion.model.elementary import sine
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import THETA2, TORQUE
@@ -23,7 +24,7 @@ WITHOUT = ("servo",)
 @kernel
 def gravity_torque(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-tau_g sin(theta_2 + phi); p: tau_g, phi."""
-    return -p[0] * math.sin(s[THETA2] + p[1])
+    return -p[0] * sine(s[THETA2] + p[1])
 
 
 @kernel

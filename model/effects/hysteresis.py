@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, within_omega_0
 from lostmotion.model.effects.words import Words
+from lostmotion.model.elementary import tanh
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import OMEGA2, TORQUE
@@ -32,7 +33,7 @@ def presliding(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """-tau_p (z - sign omega), z' = omega (1 - z sign omega)/x_p (Dahl); p: tau_p, x_p, omega_0."""
     omega = s[OMEGA2]
     dx[0] = (omega - abs(omega) * x[0]) / p[1]
-    return -p[0] * (x[0] - math.tanh(omega / p[2]))
+    return -p[0] * (x[0] - tanh(omega / p[2]))
 
 
 def _distance(values: Mapping[str, float]) -> float:

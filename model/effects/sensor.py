@@ -8,6 +8,7 @@ from lostmotion.model.base import Term
 from lostmotion.model.effects.base import ActsOn, Effect, joint_sized, on
 from lostmotion.model.effects.guesses import PHASES, grid
 from lostmotion.model.effects.words import Words
+from lostmotion.model.elementary import sine
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import OMEGA2, READING, THETA2, TIME, TIP
@@ -24,7 +25,7 @@ G = 9.80665
 @kernel
 def leakage(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """c g sin(theta_2 + phi); p: c, phi."""
-    return p[0] * G * math.sin(s[THETA2] + p[1])
+    return p[0] * G * sine(s[THETA2] + p[1])
 
 
 @kernel

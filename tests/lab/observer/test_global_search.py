@@ -16,7 +16,9 @@ from lostmotion.lab.observer.global_search import search_effects, search_paramet
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model, build_model
+from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
+from lostmotion.model.observer import follow
 from tests.lab.simulated_gears import GEARS, LENGTH, NOISE, RATE_HZ, gears, moved
 
 SUBSTEP = 2.5e-4
@@ -48,7 +50,7 @@ def test_without_a_gain_it_is_a_simulation() -> None:
     model = build_model("play", values=GEARS)
     start = model.initial_state(experiment.drive, float(experiment.time[0]))
     run = model.observer(experiment.drive, experiment.time, "accel", experiment.clock_zero)
-    e, states, _ = run(start, np.zeros(4), experiment.measured["accel"], 1e-4)
+    (e,), (states,), _ = follow([run], start[None], np.zeros((1, 4)), experiment.measured["accel"], 1e-4)
     free = model.simulate(experiment.drive, experiment.time, start, substep_s=1e-4)
     early = slice(0, 200)  # later, chaos makes much of a knot more or less
     assert e[early] == pytest.approx(experiment.measured["accel"][early] - free["accel"][early], abs=1e-5)
@@ -76,7 +78,7 @@ def test_errors_are_as_large_as_expected() -> None:
     assert 1.0 < observer.expected < Observer.of(build_model("play", values=GEARS), 1 / RATE_HZ, STRONG).expected < 2.0
 
     def typical(d: float) -> float:
-        e, *_ = observer.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
+        e, _ = observer.run(build_model("play", values={**GEARS, "d": d}), experiment, SUBSTEP)
         return float(np.median(np.abs(e[200:]))) * 1.4826 / NOISE / observer.expected
 
     assert typical(8e-5) < 2.0
@@ -85,16 +87,38 @@ def test_errors_are_as_large_as_expected() -> None:
 
 @pytest.mark.parametrize("coupling", [STRONG, WEAK])
 def test_a_cost_beyond_what_matters_is_known_sooner(coupling: float) -> None:
-    """A cost up to the limit is the same to the last digit; above it the run ends, and what is told is above it."""
+    """A cost up to the limit is the same to the last digit; above it the run ends, and what is told is above it, also
+    beside a run that does not end."""
     model = build_model("play", values=GEARS)
     task = Task.of(model, [recorded(seed)[0] for seed in (3, 4)], {"accel": NOISE})
     follower, poor = Follower.of(task, model), model.replace({"d": 4e-5})
-    exact = follower.cost(poor, coupling)
-    assert follower.cost(poor, coupling, exact) == exact
-    assert follower.cost(poor, coupling, 0.9 * exact) > 0.9 * exact
-    ends = np.isinf(follower.errors(poor, coupling, 0.25 * exact))
-    assert 0.5 < ends.mean() < 0.95
-    assert not np.isinf(follower.errors(poor, coupling, exact)).any()
+    exact = follower.costs([poor, model], coupling)
+    assert exact[0] > 1.2 * exact[1]
+    assert np.array_equal(follower.costs([poor, model], coupling, exact), exact)
+    poor_ends = follower.costs([poor, model], coupling, np.array([0.9, 1.0]) * exact)
+    assert poor_ends[0] > 0.9 * exact[0]
+    assert poor_ends[1] == exact[1]
+
+
+@pytest.mark.parametrize(
+    "effects", [[], ["shaft_compliance", "coulomb_friction"], ["gear_eccentricity"], ["sensor_lag"]]
+)
+def test_observers_side_by_side_are_observers_alone(effects: list[str]) -> None:
+    """More of them than lanes, with other values each; one of them diverges, and one has another delay."""
+    held = [recorded(seed)[0] for seed in (3, 4)]
+    model = build_model("play", [*effects, "command_delay"], GEARS)
+    follower = Follower.of(Task.of(model, held, {"accel": NOISE}), model)
+    models = [model.replace({"d": 8e-5 * (1 + 0.01 * k), "alpha": 4000.0 - 50 * k}) for k in range(LANES + 2)]
+    models += [model.replace({"command_delay.T": 2e-3}), model.replace({"alpha": 1e9})]
+    e = follower.errors(models, STRONG)
+    for number, one in enumerate(models):
+        (alone,) = follower.errors([one], STRONG)
+        assert np.array_equal(np.isfinite(alone), np.isfinite(e[number]))
+        seen = np.isfinite(alone)
+        assert e[number][seen] == pytest.approx(alone[seen], abs=1e-6)
+    costs = follower.costs(models, WEAK)
+    assert costs == pytest.approx([follower.cost(one, WEAK) for one in models], rel=1e-9)
+    assert np.ptp(costs[: LANES + 2]) > 1e-3
 
 
 @pytest.mark.slow
