@@ -1,14 +1,13 @@
-"""The command line: arguments only.  Commands are implemented in ``commands``, imported when they are called, so
-that ``--help`` is quick and the running service carries no plots; the lab's commands come from ``lab.cli``, late too.
+"""The command line.  Its commands are implemented in ``commands``, imported when they are called, so that ``--help``
+is quick and the running service carries no plots; groups have their arguments there, too.  The lab's come late as well.
 
 A command returns its exit status (``commands/guard.py``); None means 0.
 """
 
 from __future__ import annotations
 
-import math
 import os
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,53 +16,25 @@ import click
 from lostmotion import __version__
 from lostmotion.daemon.commands.completion import accelerometers, joints
 from lostmotion.daemon.commands.guard import LateCommand, RootGroup
+from lostmotion.daemon.commands.options import (
+    FILE,
+    as_json,
+    column,
+    config_file,
+    damping,
+    database,
+    duration,
+    joint,
+    positive,
+    resonance,
+    since,
+    statistic,
+    trend_level,
+    trend_of,
+    until,
+)
 
 __all__ = ["cli", "main"]
-
-
-def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """Refuses what is not a finite number above 0."""
-    if value is not None and not (value > 0 and math.isfinite(value)):
-        raise click.BadParameter(f"found {value}, expected a number above 0", ctx, param)
-    return value
-
-
-def moment(ctx: click.Context, param: click.Parameter, value: str | None) -> datetime | None:
-    """ISO 8601, or how long ago."""
-    from lostmotion.daemon.times import TimeError, parse
-
-    try:
-        return None if value is None else parse(value, datetime.now(UTC))
-    except TimeError as error:
-        raise click.BadParameter(str(error), ctx, param) from error
-
-
-FILE = click.Path(path_type=Path)
-as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
-config_file = click.option("--config", type=FILE, metavar="FILE", help="Configuration (TOML).")
-database = click.option(
-    "--database", type=FILE, metavar="FILE", help="Database to read, instead of the configured one."
-)
-since = click.option("--since", callback=moment, metavar="TIME", help="From here on: 30d, 12h, 2w, or ISO 8601.")
-until = click.option("--until", callback=moment, metavar="TIME", help="Up to here: as --since.")
-
-trend_of = click.option(
-    "--of",
-    type=click.Choice(["severity", "score", "play"]),
-    help="Equivalent play (the default where there is one), scores, or the size of the play.",
-)
-trend_level = click.option(
-    "--level",
-    type=float,
-    callback=positive,
-    metavar="X",
-    help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
-)
-statistic = click.option(
-    "--statistic",
-    type=click.Choice(("band", "ringdown")),
-    help="band (eq. 8), or ringdown, which uses the whole ring-down.",
-)
 
 
 @click.group(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -82,7 +53,7 @@ def main() -> None:
 
 @cli.command()
 @config_file
-@click.option("--duration", type=float, callback=positive, metavar="S", help="Stop after so many seconds.")
+@duration
 def run(config: Path | None, duration: float | None) -> int:
     """Monitor the robot, in the foreground (the service).
 
@@ -150,7 +121,7 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
 
 
 @cli.command()
-@click.argument("joint", shell_complete=joints)
+@joint
 @config_file
 @database
 @since
@@ -180,7 +151,7 @@ def history(
 
 
 @cli.command(short_help="Wear of a joint: slope, changes, time until the limit.")
-@click.argument("joint", shell_complete=joints)
+@joint
 @config_file
 @database
 @since
@@ -233,9 +204,9 @@ def record(
 @click.argument("recording", type=FILE)
 @config_file
 @click.option("--joint", metavar="NAME", help="Its settings count; its name is shown.", shell_complete=joints)
-@click.option("--column", default="accel", help="The column of the ring-down: accel (default), force, displacement …")
-@click.option("--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz].")
-@click.option("--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator [-].")
+@column
+@resonance
+@damping
 @click.option("--level", type=float, callback=positive, metavar="X", help="Level of eq. 9 [-].")
 @statistic
 @as_json
@@ -251,12 +222,12 @@ def score(recording: Path, config: Path | None, joint: str | None, as_json: bool
 
 
 LATE = (
-    ("alarms", "daemon.commands.alarms_cli:alarms", "Alarms: list, watch, ack, shelve."),
-    ("service", "daemon.commands.service_cli:service", "The systemd service: install, uninstall."),
-    ("fleet", "daemon.commands.fleet_cli:fleet", "Query all robots on a network."),
-    ("calibrate", "daemon.commands.calibrate_cli:calibrate", "Find the detector's settings from recordings."),
-    ("import", "daemon.commands.import_cli:import_recording", "Convert another program's file to a recording."),
-    ("export", "daemon.commands.export_cli:export", "Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun."),
+    ("alarms", "daemon.commands.alarms:alarms", "Alarms: list, watch, ack, shelve."),
+    ("service", "daemon.commands.service:service", "The systemd service: install, uninstall."),
+    ("fleet", "daemon.commands.fleet:fleet", "Query all robots on a network."),
+    ("calibrate", "daemon.commands.calibrate:calibrate", "Find the detector's settings from recordings."),
+    ("import", "daemon.commands.import_recording:import_recording", "Convert another program's file to a recording."),
+    ("export", "daemon.commands.export:export", "Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun."),
     ("web", "web.cli:web", "Serve the page: health, alarms, history and windows, in a browser."),
     ("simulate", "lab.cli:simulate", "Make a recording from a model."),
     ("effects", "lab.cli:effects", "The catalogue of effects, with their equations."),

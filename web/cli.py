@@ -11,17 +11,15 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from lostmotion.daemon.cli import FILE, config_file, database
 from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.options import FILE, config_file, database
 from lostmotion.daemon.commands.where import find_config
-from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.options import WebOptions
 from lostmotion.daemon.paths import expanded
 from lostmotion.daemon.sockets import host_and_port, page_refusal
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
-    from lostmotion.daemon.commands.fleet_ask import Fleet
     from lostmotion.web.security import Keys
     from lostmotion.web.site import Site
 
@@ -74,18 +72,12 @@ def web(
     if refusal or address is None:
         raise WebError(refusal)
     keys = security.Keys(options.password_hash, _token(options))
-    _serve(Site.of(config, database, _fleet(config, connect, robots, zenoh)), options, address, keys)
+    fleet = None
+    if connect or zenoh:
+        from lostmotion.daemon.commands.fleet_ask import Fleet
 
-
-def _fleet(config: Path | None, connect: tuple[str, ...], robots: str | None, zenoh: Path | None) -> Fleet | None:
-    """The robots that the fleet's page asks; None without an endpoint."""
-    if not (connect or zenoh):
-        return None
-    from lostmotion.daemon.commands.fleet_ask import Fleet
-
-    check_endpoints("--connect", connect)
-    names = [name.strip() for name in (robots or "").split(",") if name.strip()]
-    return Fleet(connect, str(zenoh or ""), config, names)
+        fleet = Fleet.of(connect, zenoh, config, robots)
+    _serve(Site.of(config, database, fleet), options, address, keys)
 
 
 def _token(options: WebOptions) -> str:

@@ -1,1 +1,1 @@
-"""The implementations of the commands, one module each.  cli.py defines the arguments."""
+"""The commands, a module each.  Options that several share are in options.py, those of the quick commands in cli.py."""

@@ -2,32 +2,71 @@
 
 from __future__ import annotations
 
+import getpass
 import math
+import os
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import click
 import msgspec
 
 from lostmotion.daemon import documents, requests, times
 from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.options import as_json, config_file, database, duration, joint, positive
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
 from lostmotion.daemon.reader import ReaderError, open_readonly
-from lostmotion.daemon.records import AlarmRow, Request, Severity, Transition
+from lostmotion.daemon.records import AlarmRow, Cause, Request, Severity, Transition, Verb
 from lostmotion.drivers.terminal import printable
 
-__all__ = ["change", "show", "watch"]
+__all__ = ["alarms"]
 
 LOOK_S = 0.2
 ANSWER_S = 10.0
 """how long the service may take for a request; it looks every second [s]"""
+LONGEST_S = 366 * 86400.0
+"""what should be silent for longer should leave the configuration [s]"""
 COLOURS = {Severity.DEGRADED: "yellow", Severity.WARNING: "dark_orange", Severity.ERROR: "red"}
 
 
-def show(config: Path | None, database: Path | None, everything: bool, as_json: bool) -> None:
-    """Prints the alarms that are not normal, or all that ever were."""
+def seconds(ctx: click.Context, param: click.Parameter, value: str) -> float:
+    """A length of time, a year at most."""
+    try:
+        length = positive(ctx, param, times.length(value)) or 0.0
+    except times.TimeError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+    if length > LONGEST_S:
+        raise click.BadParameter(f"found {value}, expected a year at most", ctx, param)
+    return length
+
+
+class DefaultList(click.Group):
+    """A group that lists when no subcommand is named."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        named = args and (not args[0].startswith("-") or args[0] in ctx.help_option_names)
+        return super().parse_args(ctx, args if named else ["list", *args])
+
+
+@click.group(cls=DefaultList)
+def alarms() -> None:
+    """Alarms: list them, watch them, acknowledge or shelve them.  Without a subcommand: list."""
+
+
+cause = click.option("--cause", type=click.Choice(["play", "device"]), help="Only this alarm of the joint.")
+
+
+@alarms.command("list", short_help="Alarms that are active or not acknowledged.")
+@config_file
+@database
+@click.option("--all", "everything", is_flag=True, help="Also those that are over.")
+@as_json
+def alarms_list(config: Path | None, database: Path | None, everything: bool, as_json: bool) -> None:
+    """Alarms that are active, acknowledged, shelved, or cleared but not acknowledged."""
     with open_reader(config, database) as reader:
         robot, alarms = reader.robot(), reader.alarms(living=not everything)
     if as_json:
@@ -39,9 +78,14 @@ def show(config: Path | None, database: Path | None, everything: bool, as_json: 
         output.print_table(columns, [_row(alarm) for alarm in alarms])
 
 
-def watch(config: Path | None, database: Path | None, duration_s: float | None, as_json: bool) -> None:
-    """Prints transitions of alarms as they come, a line each (JSON: a document each), until Ctrl-C."""
-    end = time.monotonic() + duration_s if duration_s else math.inf
+@alarms.command("watch")
+@config_file
+@database
+@duration
+@click.option("--json", "as_json", is_flag=True, help="One JSON document a line.")
+def alarms_watch(config: Path | None, database: Path | None, duration: float | None, as_json: bool) -> None:
+    """Print each transition of an alarm as it happens."""
+    end = time.monotonic() + duration if duration else math.inf
     for transition in _news(find_database(config, database), end):
         document = msgspec.json.encode(documents.transition(transition)).decode()
         sys.stdout.write((document if as_json else printable(_line(transition))) + "\n")
@@ -74,18 +118,70 @@ def _file(path: Path) -> int:
         return 0
 
 
-def change(config: Path | None, database: Path | None, request: Request, as_json: bool) -> int:
+@alarms.command("ack")
+@joint
+@cause
+@config_file
+@database
+@as_json
+def alarms_ack(**given: Any) -> int:
+    """Acknowledge the joint's alarms.  Exit status 1 if there is none."""
+    return _change(Verb.ACK, **given)
+
+
+@alarms.command("shelve")
+@joint
+@click.option(
+    "--for", "for_s", default="8h", show_default=True, callback=seconds, metavar="TIME", help="30min, 8h, 2d."
+)
+@cause
+@config_file
+@database
+@as_json
+def alarms_shelve(**given: Any) -> int:
+    """Suppress the joint's alarms for a time, such as during work.  Exit status 1 if there is none."""
+    return _change(Verb.SHELVE, **given)
+
+
+@alarms.command("unshelve")
+@joint
+@cause
+@config_file
+@database
+@as_json
+def alarms_unshelve(**given: Any) -> int:
+    """End shelving early.  Exit status 1 if nothing is shelved."""
+    return _change(Verb.UNSHELVE, **given)
+
+
+def _change(
+    verb: Verb,
+    joint: str,
+    cause: str | None,
+    config: Path | None,
+    database: Path | None,
+    as_json: bool,
+    for_s: float = 0.0,
+) -> int:
     """Lets the service carry out the request, or does it here where none runs; 1 when nothing changed.
 
     Raises UnknownJointError, RequestError or StoreError.
     """
-    open_joint(request.joint, config, database).close()
+    request = Request(0, joint, verb, Cause(cause) if cause else None, for_s, os.environ.get("SUDO_USER") or _user())
+    open_joint(joint, config, database).close()
     answer = requests.settle(find_database(config, database), request, ANSWER_S)
     if as_json:
-        output.print_json({"joint": request.joint, "done": answer.done, "answer": answer.text})
+        output.print_json({"joint": joint, "done": answer.done, "answer": answer.text})
     else:
         output.print_lines([answer.text])
     return int(not answer.done)
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container's user without a name
+        return str(os.getuid())
 
 
 def _row(alarm: AlarmRow) -> list[str]:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
+import click
+
+from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report, toml_out
+from lostmotion.daemon.commands.options import as_json, positive
 from lostmotion.detector.cantilever import MATERIALS, Beam, frequencies, length_for, rectangle, rod
 from lostmotion.detector.play_size import LEAST_RATE
 
-__all__ = ["calibrate_bar", "parse_quantity"]
+__all__ = ["calibrate_bar"]
 
 FACTORS = {"m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3}, "kg": {"kg": 1.0, "g": 1e-3}}
 SLENDER = 10.0
@@ -19,7 +22,24 @@ SLENDER = 10.0
 CLAMP = "a real one gives a little, and the bar rings lower: leave length to push in, and measure with calibrate tap"
 
 
-def parse_quantity(text: str, unit: str) -> float:
+def lengths(name: str, text: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """An option for a length, as in 10mm."""
+    return click.option(name, callback=quantity("m"), metavar="LENGTH", help=text)
+
+
+def quantity(unit: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
+    """A callback that takes a number and its unit to SI."""
+
+    def convert(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+        try:
+            return None if value is None else _parsed(value, unit)
+        except ValueError as error:
+            raise click.BadParameter(str(error), ctx, param) from error
+
+    return convert
+
+
+def _parsed(text: str, unit: str) -> float:
     """A number with its unit, in SI.  Raises ValueError."""
     factors = FACTORS[unit]
     found = re.fullmatch(r"\s*(\d*\.?\d+(?:e-?\d+)?)\s*([a-z]+)\s*", text)
@@ -33,27 +53,34 @@ def parse_quantity(text: str, unit: str) -> float:
     return value
 
 
+@click.command("bar", short_help="How long a bar must be for a frequency, before it is cut.")
+@click.option("--material", type=click.Choice(tuple(MATERIALS)), default="steel", show_default=True, help="Of the bar.")
+@lengths("--width", "Of a flat bar, as in 10mm.")
+@lengths("--thickness", "Of a flat bar, across which it bends, as in 1mm.")
+@lengths("--diameter", "Of a round rod, instead of width and thickness.")
+@click.option("--tip", default="0g", callback=quantity("kg"), metavar="MASS", help="Sensor, screws and glue, as in 5g.")
+@click.option("--frequency", type=float, callback=positive, metavar="HZ", help="The resonance that is wanted [Hz].")
+@lengths("--length", "Of a bar that is there: which resonance has it?")
+@toml_out
+@as_json
 def calibrate_bar(
     material: str,
-    section: Mapping[str, float | None],
     tip: float,
-    f_res_hz: float | None,
+    frequency: float | None,
     length: float | None,
     target: Path | None,
     as_json: bool,
+    **section: float | None,
 ) -> None:
-    """Prints the length for a resonance, or the resonance of a length, and the lines for the configuration.
-
-    Raises CalibrationError.
-    """
-    if (f_res_hz is None) == (length is None):
+    """The length of a bar, clamped at one end with the sensor at the other, for a resonance; or its resonance."""
+    if (frequency is None) == (length is None):
         raise CalibrationError("found neither or both of --frequency and --length, expected one of them")
     beam, depth = _beam(material, section)
     if length is None:
-        length = length_for(beam, f_res_hz or math.nan, tip)
+        length = length_for(beam, frequency or math.nan, tip)
         if math.isnan(length):
             raise CalibrationError(
-                f"no bar of this section from 1 mm to 5 m rings at {f_res_hz:g} Hz: take another one"
+                f"no bar of this section from 1 mm to 5 m rings at {frequency:g} Hz: take another one"
             )
     elif length <= 0:
         raise CalibrationError(f"found a length of {length:g} m, expected one above 0")

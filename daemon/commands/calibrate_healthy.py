@@ -7,12 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import Cuttings, read_all, read_settings
-from lostmotion.daemon.commands.calibrated import lines_of, report
+from lostmotion.daemon.commands.calibrated import about_settings, lines_of, recordings, report, toml_out
+from lostmotion.daemon.commands.options import as_json
 from lostmotion.detector.score import batch
 from lostmotion.detector.tuning import LONGEST_S, Tuned, least_acceleration, least_amplitude, tune
 from lostmotion.detector.window import FloatArray
@@ -27,17 +29,26 @@ GENTLE_DEG = 0.1
 KEYS = ("window_s", "f_width_hz", "f_norm_hz", "f_norm_width_hz", "noise_ms2", "noise_colour", "statistic")
 
 
+@click.command("healthy", short_help="Window, bands and noise, from a healthy joint.")
+@recordings
+@about_settings
+@toml_out
+@as_json
 def calibrate_healthy(
-    paths: tuple[Path, ...],
+    recordings: tuple[Path, ...],
     worn: tuple[Path, ...],
     config: Path | None,
-    asked: Asked,
     target: Path | None,
     as_json: bool,
+    **given: Any,
 ) -> None:
-    """Prints the settings that suit the robot, what they find, and which motion they need.  Raises LostmotionError."""
-    settings = replace(read_settings(paths[0], config, asked), statistic="ringdown")  # which needs no norm band
-    healthy = read_all(paths, settings, LONGEST_S)
+    """Window, bands and noise from recordings of a healthy joint in motion; and the acceleration that is needed.
+
+    Without --worn, simulated rings of the bar are added to the healthy windows.
+    """
+    settings = read_settings(recordings[0], config, Asked(**given))
+    settings = replace(settings, statistic="ringdown")  # which needs no norm band
+    healthy = read_all(recordings, settings, LONGEST_S)
     bad = read_all(worn, settings, LONGEST_S).accel if worn else None
     tuned = tune(healthy.accel, healthy.rate_hz, settings, bad)
     needed, least_ring = _needed(tuned, healthy)

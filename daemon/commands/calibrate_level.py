@@ -5,40 +5,67 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from lostmotion.daemon import times
 from lostmotion.daemon.commands.asked import Asked
 from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
+from lostmotion.daemon.commands.calibrated import (
+    CalibrationError,
+    about_settings,
+    lines_of,
+    recordings,
+    report,
+    toml_out,
+)
+from lostmotion.daemon.commands.options import as_json, statistic
 from lostmotion.detector.learner import settled
 from lostmotion.detector.level import Level, from_healthy, level, windows_needed, youden
 from lostmotion.detector.score import batch
 from lostmotion.detector.window import FloatArray
 
-__all__ = ["CRITERIA", "calibrate_level"]
+__all__ = ["calibrate_level"]
 
 CRITERIA = {"eq9": level, "youden": youden}
 MANY = 0.05
 """Share of healthy windows above a level that is worth a warning."""
 
 
+@click.command("level", short_help="The level, from healthy and worn joints.")
+@recordings
+@about_settings
+@statistic
+@click.option(
+    "--false-alarm",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    default=0.01,
+    show_default=True,
+    metavar="P",
+    help="Promised share of healthy windows above the level; without --worn.",
+)
+@click.option(
+    "--criterion",
+    type=click.Choice(tuple(CRITERIA)),
+    default="eq9",
+    show_default=True,
+    help="What is best, with --worn: eq. 9, or Youden's J.",
+)
+@toml_out
+@as_json
 def calibrate_level(
-    paths: tuple[Path, ...],
+    recordings: tuple[Path, ...],
     worn: tuple[Path, ...],
     config: Path | None,
-    asked: Asked,
     false_alarm: float,
     criterion: str,
     target: Path | None,
     as_json: bool,
+    **given: Any,
 ) -> None:
-    """Prints the level: by eq. 9 with worn recordings, without them the one with the promised false-alarm rate.
-
-    Raises LostmotionError, also for fewer healthy windows than the promise needs.
-    """
-    settings = read_settings(paths[0], config, asked)
-    cut = read_all(paths, settings, None)
+    """The level: eq. 9 where there are worn recordings, else the one that keeps a promised rate of false alarms."""
+    settings = read_settings(recordings[0], config, Asked(**given))
+    cut = read_all(recordings, settings, None)
     settings = settled(cut.accel, cut.rate_hz, settings)
     healthy = _finite(batch(cut.accel, cut.rate_hz, settings))
     if worn:

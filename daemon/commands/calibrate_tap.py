@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report
+import click
+
+from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, recordings, report, toml_out
+from lostmotion.daemon.commands.options import as_json, column
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.taps import Calibrated, Estimate, TapRecording, find_taps, pooled
 from lostmotion.drivers.recording import read_recording
@@ -14,11 +17,16 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["calibrate_tap"]
 
 
-def calibrate_tap(paths: tuple[Path, ...], column: str, target: Path | None, as_json: bool) -> None:
-    """Prints f_res and zeta with their 95 % intervals, and the lines for the configuration.  Raises LostmotionError."""
+@click.command("tap", short_help="Resonance and damping of the bar, from taps.")
+@recordings
+@column
+@toml_out
+@as_json
+def calibrate_tap(recordings: tuple[Path, ...], column: str, target: Path | None, as_json: bool) -> None:
+    """The oscillator's resonance and damping from recordings of taps on the bar, some seconds apart."""
     if column not in COLUMN_UNITS:
         raise CalibrationError(f"--column: found {column!r}, expected one of {', '.join(COLUMN_UNITS)}")
-    found = pooled([_taps(path, column) for path in paths])
+    found = pooled([_taps(path, column) for path in recordings])
     lines = lines_of(
         {"f_res_hz": round(found.f_res_hz.value, 3), "zeta": round(found.zeta.value, 5)},
         "oscillator of the [[accelerometer]]; keep its length_m",

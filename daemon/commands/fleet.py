@@ -4,17 +4,20 @@ sends the queries."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Annotated, Any
 
+import click
 import msgspec
 from msgspec import Meta, Struct
 
 from lostmotion.daemon import documents, times
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply, ask
+from lostmotion.daemon.commands.options import FILE, as_json, config_file, positive, since, trend_level, trend_of, until
 from lostmotion.daemon.commands.trend import (
     COLUMNS,
     RADIANS,
@@ -24,9 +27,13 @@ from lostmotion.daemon.commands.trend import (
     history_of,
     table_row,
 )
+from lostmotion.daemon.records import iso
 from lostmotion.drivers.units import ARC_MINUTES
 
-__all__ = ["alarms", "history", "status", "trend"]
+__all__ = ["fleet"]
+
+TREND_S = 20.0
+"""two million scores take a small computer that long"""
 
 Moment = Annotated[datetime, Meta(tz=True)]
 
@@ -76,12 +83,48 @@ class _History(Struct, frozen=True):
     scores: list[_Score]
 
 
-def status(fleet: Fleet, as_json: bool) -> int:
-    """Prints the health of all joints of all robots; 1 when an endpoint or a robot did not answer.
+@click.group()
+def fleet() -> None:
+    """Query all robots on a Zenoh network.
 
-    Raises FleetError.
+    Robots are searched at --connect or --zenoh, else where --config or the service's configuration connects or
+    listens, else at tcp/127.0.0.1:7447.  Exit status 1 when an endpoint does not answer, or a robot that is known; 2
+    when no endpoint does.
     """
-    reply = _checked(ask(fleet, "status"), _Status)
+
+
+def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., Any]:
+    """The options that choose the robots."""
+    for option in (
+        click.option(
+            "--timeout",
+            type=float,
+            default=timeout_s,
+            show_default=True,
+            callback=positive,
+            metavar="S",
+            help="Seconds to wait for answers.",
+        ),
+        click.option("--robots", metavar="A,B", help="Robots that must answer, in addition to those that are alive."),
+        config_file,
+        click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
+        click.option(
+            "--connect",
+            multiple=True,
+            metavar="ENDPOINT",
+            help="A router or robot, such as tcp/10.0.0.1:7447; may be given more than once.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@fleet.command()
+@whom
+@as_json
+def status(as_json: bool, **given: Any) -> int:
+    """Joints, their health and active alarms, of all robots."""
+    reply = _checked(ask(Fleet.of(**given), "status"), _Status)
     if as_json:
         return _json(reply, {})
     columns = ("robot", "joint", "health", "score", "level", "last window", "alarms")
@@ -89,12 +132,12 @@ def status(fleet: Fleet, as_json: bool) -> int:
     return _table(reply, columns, rows, "no joint", right=("score", "level"))
 
 
-def alarms(fleet: Fleet, as_json: bool) -> int:
-    """Prints the active alarms of all robots; 1 when an endpoint or a robot did not answer.
-
-    Raises FleetError.
-    """
-    reply = _checked(ask(fleet, "alarms"), _Alarms)
+@fleet.command()
+@whom
+@as_json
+def alarms(as_json: bool, **given: Any) -> int:
+    """Active alarms of all robots."""
+    reply = _checked(ask(Fleet.of(**given), "alarms"), _Alarms)
     if as_json:
         return _json(reply, {})
     columns = ("robot", "joint", "cause", "severity", "state", "raised (UTC)", "reason")
@@ -102,12 +145,23 @@ def alarms(fleet: Fleet, as_json: bool) -> int:
     return _table(reply, columns, rows, "no active alarm")
 
 
-def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool) -> int:
-    """Prints the scores of one joint of all robots; 1 when one of them, or an endpoint, did not answer.
-
-    A robot without such a joint has not answered.  Raises FleetError.
-    """
-    reply = _checked(ask(fleet, f"{joint}/history?{_text(parameters)}"), _History)
+@fleet.command()
+@click.argument("joint")
+@since
+@until
+@click.option(
+    "--limit",
+    type=click.IntRange(1, 10_000),
+    default=1000,
+    show_default=True,
+    metavar="N",
+    help="The newest N of each robot.",
+)
+@whom
+@as_json
+def history(joint: str, since: datetime | None, until: datetime | None, limit: int, as_json: bool, **given: Any) -> int:
+    """Scores of one joint, of all robots that have it."""
+    reply = _checked(ask(Fleet.of(**given), f"{joint}/history?{_query(since, until, limit=limit)}"), _History)
     if as_json:
         return _json(reply, {"joint": joint})
     columns = ("robot", "time (UTC)", "score", "level", "impact", "play", "quality")
@@ -115,14 +169,26 @@ def history(fleet: Fleet, joint: str, parameters: dict[str, str], as_json: bool)
     return _table(reply, columns, rows, "no scores in that time", right=("score", "level"))
 
 
+@fleet.command()
+@click.argument("joint")
+@since
+@until
+@trend_of
+@trend_level
+@partial(whom, timeout_s=TREND_S)
+@as_json
 def trend(
-    fleet: Fleet, joint: str, parameters: dict[str, str], of: Of | None, level: float | None, as_json: bool
+    joint: str,
+    since: datetime | None,
+    until: datetime | None,
+    of: Of | None,
+    level: float | None,
+    as_json: bool,
+    **given: Any,
 ) -> int:
-    """Prints the trend of one joint of all robots; 1 when one of them, or an endpoint, did not answer.
-
-    A robot whose history is too short for a trend has not answered.  Raises FleetError.
-    """
-    reply = ask(fleet, f"{joint}/series?{_text(parameters)}")
+    """Wear of one joint, of all robots that have it."""
+    fleet = Fleet.of(**given)
+    reply = ask(fleet, f"{joint}/series?{_query(since, until)}")
     trends, errors = [], dict(reply.errors)
     unit = RADIANS if as_json else ARC_MINUTES
     for robot, answer in reply.documents:
@@ -153,8 +219,11 @@ def _checked(reply: FleetReply, form: type[_Status | _Alarms | _History]) -> Fle
     return replace(reply, documents=documents, errors=errors)
 
 
-def _text(parameters: dict[str, str]) -> str:
-    return ";".join(f"{key}={value}" for key, value in parameters.items())
+def _query(since: datetime | None, until: datetime | None, **more: object) -> str:
+    """The parameters of a query."""
+    times.check_order(since, until)
+    bounds = {key: iso(value) for key, value in (("since", since), ("until", until)) if value}
+    return ";".join(f"{key}={value}" for key, value in (bounds | more).items())
 
 
 def _json(reply: FleetReply, about: dict[str, Any]) -> int:

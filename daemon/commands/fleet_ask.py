@@ -17,6 +17,7 @@ from typing import Any
 import zenoh
 
 from lostmotion.daemon.commands.where import find_config
+from lostmotion.daemon.crosscheck import check_endpoints
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.zenoh_session import SCHEMA, brief, configuration, connect_endpoints, why_closed
 from lostmotion.drivers.errors import LostmotionError
@@ -43,6 +44,15 @@ class Fleet:
     config: Path | None = None
     robots: Sequence[str] = ()
     timeout_s: float = 2.0
+
+    @classmethod
+    def of(
+        cls, connect: Sequence[str], zenoh: Path | None, config: Path | None, robots: str | None, timeout: float = 2.0
+    ) -> Fleet:
+        """That of the options of a command.  Raises CrossCheckError."""
+        check_endpoints("--connect", connect)
+        names = [name.strip() for name in (robots or "").split(",") if name.strip()]
+        return cls(connect, str(zenoh or ""), config, names, timeout)
 
 
 @dataclass(frozen=True, slots=True)

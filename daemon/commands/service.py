@@ -13,12 +13,15 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import click
+
 import lostmotion
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.options import FILE
 from lostmotion.daemon.unit import PAGE_UNIT, STATE, UNIT, Layout, ServiceError, check_reachable, template, unit_text
 
-__all__ = ["install", "print_unit", "uninstall"]
+__all__ = ["service"]
 
 BOOTED = Path("/run/systemd/system")
 GROUP = "dialout"
@@ -31,15 +34,34 @@ class Step(NamedTuple):
     do: Callable[[], object]
 
 
-def print_unit() -> None:
-    """The unit on stdout, as ``install`` would write it."""
-    output.print_lines(unit_text(_command(), _version()).splitlines())
+dry_run = click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
+root = click.option("--root", type=FILE, metavar="DIR", help="Only the files, below DIR: for the image of a robot.")
 
 
-def install(root: Path | None, page: bool, dry_run: bool) -> None:
-    """Writes the files and starts the service, and the page where it is wanted or was there before; with ``root`` only
-    the files, below it.  Raises ServiceError before
-    anything is changed, ConfigError for a configuration that is there and wrong."""
+@click.group()
+def service() -> None:
+    """Install lostmotion as a systemd service on this robot, or remove it."""
+
+
+@service.command(short_help="Write, enable and start the service.")
+@click.option("--web", "page", is_flag=True, help="Install the web page (docs/web.md) as a second service.")
+@click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
+@dry_run
+@root
+def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> None:
+    """Write the unit, udev rules and a first configuration; enable and start the service.
+
+    Run it again after an upgrade; an existing configuration is kept.
+    """
+    if print_it:
+        output.print_lines(unit_text(_command(), _version()).splitlines())
+    else:
+        _install(root, page, dry_run)
+
+
+def _install(root: Path | None, page: bool, dry_run: bool) -> None:
+    """The page, too, where it is wanted or was there before.  Raises ServiceError before anything is changed,
+    ConfigError for a configuration that is there and wrong."""
     layout = Layout(root or Path("/"))
     if root is None:
         _check_machine(dry_run)
@@ -56,12 +78,12 @@ def install(root: Path | None, page: bool, dry_run: bool) -> None:
         )
 
 
+@service.command(short_help="Stop and remove the service; data stay.")
+@click.option("--purge", is_flag=True, help="Remove the configuration and all data as well.")
+@dry_run
+@root
 def uninstall(root: Path | None, purge: bool, dry_run: bool) -> None:
-    """Stops the service and takes its files away; with ``root`` only the files, below it.  Configuration and data stay
-    unless ``purge``.
-
-    Raises ServiceError.
-    """
+    """Stop the service and remove its unit and udev rules; configuration and data stay."""
     layout = Layout(root or Path("/"))
     if root is None:
         _check_machine(dry_run)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lostmotion.daemon.cli import FILE, as_json
+from lostmotion.daemon.commands.options import FILE, as_json
 
 if TYPE_CHECKING:
     from lostmotion.drivers.formats.read import Imported

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lostmotion.daemon.cli import FILE, as_json
+from lostmotion.daemon.commands.options import FILE, as_json
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["ExportError", "export"]

@@ -1,0 +1,87 @@
+"""The options that commands share."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from lostmotion.daemon.commands.completion import joints
+
+__all__ = [
+    "FILE",
+    "as_json",
+    "column",
+    "config_file",
+    "damping",
+    "database",
+    "duration",
+    "joint",
+    "moment",
+    "positive",
+    "resonance",
+    "since",
+    "statistic",
+    "trend_level",
+    "trend_of",
+    "until",
+]
+
+
+def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """Refuses what is not a finite number above 0."""
+    if value is not None and not (value > 0 and math.isfinite(value)):
+        raise click.BadParameter(f"found {value}, expected a number above 0", ctx, param)
+    return value
+
+
+def moment(ctx: click.Context, param: click.Parameter, value: str | None) -> datetime | None:
+    """ISO 8601, or how long ago."""
+    from lostmotion.daemon.times import TimeError, parse
+
+    try:
+        return None if value is None else parse(value, datetime.now(UTC))
+    except TimeError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+
+
+FILE = click.Path(path_type=Path)
+as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
+config_file = click.option("--config", type=FILE, metavar="FILE", help="Configuration (TOML).")
+database = click.option(
+    "--database", type=FILE, metavar="FILE", help="Database to read, instead of the configured one."
+)
+since = click.option("--since", callback=moment, metavar="TIME", help="From here on: 30d, 12h, 2w, or ISO 8601.")
+until = click.option("--until", callback=moment, metavar="TIME", help="Up to here: as --since.")
+joint = click.argument("joint", shell_complete=joints)
+duration = click.option("--duration", type=float, callback=positive, metavar="S", help="Stop after so many seconds.")
+
+column = click.option(
+    "--column", default="accel", help="The column of the ring-down: accel (default), force, displacement …"
+)
+resonance = click.option(
+    "--f-res-hz", type=float, callback=positive, metavar="X", help="Resonance of the oscillator [Hz]."
+)
+damping = click.option(
+    "--zeta", type=float, callback=positive, metavar="X", help="Damping ratio of the oscillator [-]."
+)
+
+trend_of = click.option(
+    "--of",
+    type=click.Choice(["severity", "score", "play"]),
+    help="Equivalent play (the default where there is one), scores, or the size of the play.",
+)
+trend_level = click.option(
+    "--level",
+    type=float,
+    callback=positive,
+    metavar="X",
+    help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
+)
+statistic = click.option(
+    "--statistic",
+    type=click.Choice(("band", "ringdown")),
+    help="band (eq. 8), or ringdown, which uses the whole ring-down.",
+)
