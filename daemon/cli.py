@@ -215,10 +215,10 @@ def score(recording: Path, config: Path | None, joint: str | None, as_json: bool
 
     Settings: the options here, else --config, else the recording's head, else the defaults.
     """
-    from lostmotion.daemon.commands.asked import Asked
     from lostmotion.daemon.commands.score import score
+    from lostmotion.daemon.commands.scoring_options import ScoringOptions
 
-    score(recording, config, Asked(joint=joint, **given), as_json)
+    score(recording, config, ScoringOptions(joint=joint, **given), as_json)
 
 
 LATE = (

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lostmotion.detector.ringdown import ring
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
-__all__ = ["STEP", "Edges", "Inverse", "edges", "integrated", "inverse", "mistuned", "noise_of"]
+__all__ = ["DIFFERENCES", "STEP", "Edges", "Inverse", "edges", "integrated", "inverse", "mistuned", "noise_of"]
 
 STEP = 0.145
 """Grid of the impulses in periods of the bar."""
@@ -27,6 +27,8 @@ response to a wrong resonance 1.2 MB, its edges 1.2 MB."""
 OCTAVE = 4
 """Steps of a calibrated or learnt noise within a factor of two: 9 % of its size, less than it differs between windows
 (FREEDOM of ``background``).  Without steps, each noise that is learnt would need another inverse."""
+DIFFERENCES = 0.6745 * math.sqrt(70)
+"""Median size of white noise's fourth differences, in its standard deviations."""
 LEAST_WIDTH, SAMPLES_WIDE = 3, 3.0
 """Width of an impulse in the inverse: least steps of the grid, and samples."""
 
@@ -118,7 +120,7 @@ def noise_of(accel: FloatArray, settings: DetectorSettings) -> float:
     if settings.noise_ms2 is not None:
         return float(2.0 ** (round(OCTAVE * math.log2(settings.noise_ms2)) / OCTAVE))
     middle = (accel.size - 4) // 2
-    rough = float(np.partition(np.abs(np.diff(accel, 4)), middle)[middle]) / (0.6745 * math.sqrt(70))
+    rough = float(np.partition(np.abs(np.diff(accel, 4)), middle)[middle]) / DIFFERENCES
     return float(2.0 ** round(math.log2(max(rough, 0.02))))
 
 

@@ -9,8 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from lostmotion.detector import legendre
+from lostmotion.detector.deconvolution import DIFFERENCES
 from lostmotion.detector.median import median
-from lostmotion.detector.ringdown import ring
+from lostmotion.detector.ringdown import SLOW_HZ, SLOW_SHARE, ring
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
 __all__ = ["speed_of_impact"]
@@ -20,12 +21,8 @@ NOISE_RINGS = 2.2
 STARTS, FIRST_START, LAST_START = 40, 1.5, 1.0
 """Number of start times at which a ring is searched for; the first and last, in periods after the segment's begin and
 before its end."""
-SLOW_HZ, SLOW_SHARE = 16.0, 0.3
-"""Below both, the latter a share of f_res, is motion (as in ``ringdown``)."""
 PIECE_S, LEAST_PIECE, LEAST_NOISE = 0.03, 15, 1e-3
 """Pieces of the segment, from the quietest of which the noise is estimated [s, samples, m/s²]."""
-DIFFERENCES = 0.6745 * math.sqrt(70)
-"""Median size of white noise's fourth differences, in its standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,6 +21,8 @@ from lostmotion.detector.whitening import whiten
 from lostmotion.detector.window import DetectorSettings, FloatArray
 
 __all__ = [
+    "SLOW_HZ",
+    "SLOW_SHARE",
     "Bank",
     "bank",
     "build",

@@ -6,10 +6,10 @@ import math
 from enum import Enum
 
 from lostmotion.drivers.codec.rmw_zenoh import sent
+from lostmotion.drivers.codec.ros2_messages import SECOND_NS
 
 __all__ = ["Source", "clock_fault", "stamped"]
 
-SECOND_NS = 1_000_000_000
 SIMULATED_BEFORE_S = 1e8
 """a header's stamp before 1973 is no time of day: a simulation's begins at 0"""
 RATE_OFF, LATE_S = 0.2, 0.1

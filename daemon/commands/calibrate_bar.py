@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, report, toml_out
+from lostmotion.daemon.commands.calibrate_common import CalibrationError, lines_of, report, toml_out
 from lostmotion.daemon.commands.options import as_json, positive
 from lostmotion.detector.cantilever import MATERIALS, Beam, frequencies, length_for, rectangle, rod
 from lostmotion.detector.play_size import LEAST_RATE

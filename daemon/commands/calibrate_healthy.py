@@ -11,10 +11,10 @@ import click
 import numpy as np
 
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.commands.asked import Asked
+from lostmotion.daemon.commands.calibrate_common import about_settings, lines_of, recordings, report, toml_out
 from lostmotion.daemon.commands.calibrate_windows import Cuttings, read_all, read_settings
-from lostmotion.daemon.commands.calibrated import about_settings, lines_of, recordings, report, toml_out
 from lostmotion.daemon.commands.options import as_json
+from lostmotion.daemon.commands.scoring_options import ScoringOptions
 from lostmotion.detector.score import batch
 from lostmotion.detector.tuning import LONGEST_S, Tuned, least_acceleration, least_amplitude, tune
 from lostmotion.detector.window import FloatArray
@@ -46,7 +46,7 @@ def calibrate_healthy(
 
     Without --worn, simulated rings of the bar are added to the healthy windows.
     """
-    settings = read_settings(recordings[0], config, Asked(**given))
+    settings = read_settings(recordings[0], config, ScoringOptions(**given))
     settings = replace(settings, statistic="ringdown")  # which needs no norm band
     healthy = read_all(recordings, settings, LONGEST_S)
     bad = read_all(worn, settings, LONGEST_S).accel if worn else None

@@ -9,9 +9,7 @@ import click
 import numpy as np
 
 from lostmotion.daemon import times
-from lostmotion.daemon.commands.asked import Asked
-from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
-from lostmotion.daemon.commands.calibrated import (
+from lostmotion.daemon.commands.calibrate_common import (
     CalibrationError,
     about_settings,
     lines_of,
@@ -19,7 +17,9 @@ from lostmotion.daemon.commands.calibrated import (
     report,
     toml_out,
 )
+from lostmotion.daemon.commands.calibrate_windows import read_all, read_settings
 from lostmotion.daemon.commands.options import as_json, statistic
+from lostmotion.daemon.commands.scoring_options import ScoringOptions
 from lostmotion.detector.learner import settled
 from lostmotion.detector.level import Level, from_healthy, level, windows_needed, youden
 from lostmotion.detector.score import batch
@@ -64,7 +64,7 @@ def calibrate_level(
     **given: Any,
 ) -> None:
     """The level: eq. 9 where there are worn recordings, else the one that keeps a promised rate of false alarms."""
-    settings = read_settings(recordings[0], config, Asked(**given))
+    settings = read_settings(recordings[0], config, ScoringOptions(**given))
     cut = read_all(recordings, settings, None)
     settings = settled(cut.accel, cut.rate_hz, settings)
     healthy = _finite(batch(cut.accel, cut.rate_hz, settings))

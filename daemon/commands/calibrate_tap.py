@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lostmotion.daemon.commands.calibrated import CalibrationError, lines_of, recordings, report, toml_out
+from lostmotion.daemon.commands.calibrate_common import CalibrationError, lines_of, recordings, report, toml_out
 from lostmotion.daemon.commands.options import as_json, column
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.taps import Calibrated, Estimate, TapRecording, find_taps, pooled

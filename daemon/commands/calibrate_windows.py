@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lostmotion.daemon.commands.asked import Asked, settings_for
-from lostmotion.daemon.commands.calibrated import CalibrationError
+from lostmotion.daemon.commands.calibrate_common import CalibrationError
+from lostmotion.daemon.commands.scoring_options import ScoringOptions, settings_for
 from lostmotion.detector import ringdown
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.quality import OK, describe
@@ -36,9 +36,9 @@ class Cuttings:
     duration: float
 
 
-def read_settings(path: Path, config: Path | None, asked: Asked) -> DetectorSettings:
+def read_settings(path: Path, config: Path | None, options: ScoringOptions) -> DetectorSettings:
     """The settings that are meant for a recording.  Raises LostmotionError."""
-    return settings_for(read_recording(path), config, asked)
+    return settings_for(read_recording(path), config, options)
 
 
 def read_all(paths: Sequence[Path], settings: DetectorSettings, window_s: float | None) -> Cuttings:

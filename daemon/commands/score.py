@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.commands.asked import Asked, settings_for
+from lostmotion.daemon.commands.scoring_options import ScoringOptions, settings_for
 from lostmotion.detector.errors import DetectorError
 from lostmotion.detector.pooling import pooled
 from lostmotion.detector.series import score_series
@@ -37,16 +37,16 @@ class ScoreError(LostmotionError):
     """The recording does not fit the options."""
 
 
-def score(path: Path, config: Path | None, asked: Asked, as_json: bool) -> None:
+def score(path: Path, config: Path | None, options: ScoringOptions, as_json: bool) -> None:
     """Prints the score of each window; times are the recording's own [s].  Raises LostmotionError."""
-    if asked.column not in COLUMN_UNITS:
-        raise ScoreError(f"--column: found {asked.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
-    recording = read_recording(path, asked.joint or "")
+    if options.column not in COLUMN_UNITS:
+        raise ScoreError(f"--column: found {options.column!r}, expected one of {', '.join(COLUMN_UNITS)}")
+    recording = read_recording(path, options.joint or "")
     _doubt_units(recording)
-    name = asked.joint or str(recording.metadata.get("joint", "joint"))
-    settings = settings_for(recording, config, asked)
+    name = options.joint or str(recording.metadata.get("joint", "joint"))
+    settings = settings_for(recording, config, options)
     _warn_of_others(recording, name)
-    scores = _scores(recording, asked.column, settings, name)
+    scores = _scores(recording, options.column, settings, name)
     if as_json:
         exact = [replace(window, duration=round(window.duration, 6)) for window in scores]  # the rate is an estimate
         windows = [{key: getattr(window, key) for key in KEYS} for window in exact]

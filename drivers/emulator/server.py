@@ -13,7 +13,6 @@ import time
 import tty
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol
 
 __all__ = ["Device", "Emulator"]
@@ -114,9 +113,7 @@ class Emulator:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         for index in range(len(self._plugs)):
             self.unplug(index)
         self.order(self._halt)
