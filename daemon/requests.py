@@ -22,8 +22,12 @@ from lostmotion.daemon.records import AlarmState, Answer, JointRow, Request, Sco
 from lostmotion.daemon.store import Store
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["RequestError", "ask", "do", "resume", "settle", "take", "wait"]
+__all__ = ["ANSWER_S", "LONGEST_S", "RequestError", "ask", "do", "resume", "settle", "take", "wait"]
 
+ANSWER_S = 10.0
+"""how long the service may take for a request; it looks every second [s]"""
+LONGEST_S = 366 * 86400.0
+"""what should be silent for longer should leave the configuration [s]"""
 BUSY_S = 5.0
 LOOK_S = 0.2
 """how often the answer of a service is looked for [s]"""
@@ -58,7 +62,7 @@ def ask(database: Path, request: Request, now: datetime) -> int:
     return int(cursor.lastrowid or 0)
 
 
-def settle(database: Path, request: Request, wait_s: float) -> Answer:
+def settle(database: Path, request: Request) -> Answer:
     """Has the service do what is asked and waits for its answer, or does it here where no service runs.
 
     Raises RequestError or StoreError.
@@ -67,8 +71,10 @@ def settle(database: Path, request: Request, wait_s: float) -> Answer:
         return do(database, request, datetime.now(UTC))
     except StoreBusyError:
         number = ask(database, request, datetime.now(UTC))
-    late = f"{request.joint}: the service has not answered within {wait_s:g} s; it will take the request up when it can"
-    return wait(database, number, wait_s) or Answer(number, False, late)
+    late = (
+        f"{request.joint}: the service has not answered within {ANSWER_S:g} s; it will take the request up when it can"
+    )
+    return wait(database, number, ANSWER_S) or Answer(number, False, late)
 
 
 def wait(database: Path, number: int, wait_s: float) -> Answer | None:

@@ -152,8 +152,8 @@ def learning(
     best = max(fits, key=_criterion)
     if (
         quiet >= SILENT * count
-        and _share_above(HEALTHY_SCORE, windows, rate_hz, bare, silent) < HEALTHY_SHARE
-        and (_criterion(silent) > _criterion(best) or _share_above(HEALTHY_SCORE, windows, rate_hz, bare, best) < RARE)
+        and _share_above(windows, rate_hz, bare, silent) < HEALTHY_SHARE
+        and (_criterion(silent) > _criterion(best) or _share_above(windows, rate_hz, bare, best) < RARE)
     ):
         best, quiet = silent, count
     else:
@@ -338,9 +338,9 @@ def _criterion(fit: _Fit) -> float:
     return fit.likelihood - len(fit.model.noise.colour)
 
 
-def _share_above(score: float, windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> float:
-    """Share of the windows with a higher score under this noise."""
+def _share_above(windows: FloatArray, rate_hz: float, settings: DetectorSettings, fit: _Fit) -> float:
+    """Share of the windows with a score above that of healthy ones under this noise."""
     noise = fit.model.noise
     known = replace(settings, noise_ms2=noise.deviation, noise_colour=noise.colour)
     bank = ringdown.build(windows.shape[1], rate_hz, known)
-    return float(np.mean(ringdown.scores(windows, rate_hz, known, bank) > score))
+    return float(np.mean(ringdown.scores(windows, rate_hz, known, bank) > HEALTHY_SCORE))

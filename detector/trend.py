@@ -93,8 +93,8 @@ class WearTrend:
     no_forecast: str
 
 
-def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: float = 1.0) -> Slope:
-    """The median of the slopes between all pairs (Theil 1950), its interval after Sen (1968), corrected for ties.
+def theil_sen(t: ArrayLike, y: ArrayLike, inflation: float = 1.0) -> Slope:
+    """The median of the slopes between all pairs (Theil 1950), its 95 % interval after Sen (1968), corrected for ties.
 
     t [s] and y, shape (N,); above 1000 points by medians of runs.  inflation: factor on the variance of Kendall's
     statistic, 1 for independent errors; ``mann_kendall`` estimates it.  The intercept is that of the median point.
@@ -109,7 +109,7 @@ def theil_sen(t: ArrayLike, y: ArrayLike, confidence: float = 0.95, inflation: f
     if slopes.size == 0:
         raise DetectorError(f"all {time.size} points are at the time {time[0]:g} s; expected different times")
     spread = math.sqrt(inflation * _kendall_variance(time.size, time, value))
-    half = _quantile(0.5 + confidence / 2) * spread
+    half = _quantile(0.975) * spread
     low = max(round((slopes.size - half) / 2) - 1, 0)
     high = min(round((slopes.size + half) / 2), slopes.size - 1)
     slope, centre = median(slopes), median(time)

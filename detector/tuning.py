@@ -29,6 +29,8 @@ NOISE_SAMPLES = 400
 LEAST_WINDOWS = 50
 FALSE_ALARM = 0.1
 """Detection is averaged over false-alarm rates from 0 to this one; smaller ones need more windows."""
+SWAY_HZ = 1.0
+"""The motion of which the needed acceleration is told."""
 CLEARLY = 0.01
 """Least gain in the share found for other settings than the usual ones."""
 MIDDLING = 0.6
@@ -55,9 +57,7 @@ class Tuned:
     windows: int
 
 
-def tune(
-    healthy: FloatArray, rate_hz: float, settings: DetectorSettings, worn: FloatArray | None = None, seed: int = 0
-) -> Tuned:
+def tune(healthy: FloatArray, rate_hz: float, settings: DetectorSettings, worn: FloatArray | None = None) -> Tuned:
     """The settings with the highest share of worn windows found at few false alarms.
 
     healthy and worn: acceleration [m/s²] from a reversal on for 0.5 s, shape (M, N) each, none missing.  Without worn
@@ -72,7 +72,7 @@ def tune(
         )
     usual = _usual(settings, rate_hz)
     if worn is None:
-        waves = rings(len(healthy), healthy.shape[1], rate_hz, settings, np.random.default_rng(seed))
+        waves = rings(len(healthy), healthy.shape[1], rate_hz, settings, np.random.default_rng(0))
         worn = healthy + _middling(healthy, waves, rate_hz, usual) * waves
     before = _found(usual, healthy, worn, rate_hz)
     band, best = usual, before + CLEARLY
@@ -125,12 +125,10 @@ def rings(count: int, length: int, rate_hz: float, settings: DetectorSettings, r
     return np.asarray(rng.choice((-1.0, 1.0), (count, 1)) * (ring(first) - back))
 
 
-def least_amplitude(
-    healthy: FloatArray, rate_hz: float, settings: DetectorSettings, level: float, seed: int = 1
-) -> float:
+def least_amplitude(healthy: FloatArray, rate_hz: float, settings: DetectorSettings, level: float) -> float:
     """The amplitude [m/s²] of rings of which 90 % score above ``level`` in these windows, shape (M, N); infinite where
     that takes rings far larger than all else in the windows."""
-    waves = rings(len(healthy), healthy.shape[1], rate_hz, settings, np.random.default_rng(seed))
+    waves = rings(len(healthy), healthy.shape[1], rate_hz, settings, np.random.default_rng(1))
 
     def above(amplitude: float) -> float:
         return float(np.mean(batch(healthy + amplitude * waves, rate_hz, settings) > level))
@@ -139,8 +137,8 @@ def least_amplitude(
     return _bisected(above, size, 0.9, LOUDEST * size)
 
 
-def least_acceleration(amplitude: float, play_rad: float, motion_hz: float, settings: DetectorSettings) -> float:
-    """Amplitude [rad/s²] of a sway at ``motion_hz`` whose reversals make rings of ``amplitude`` [m/s²] across a play.
+def least_acceleration(amplitude: float, play_rad: float, settings: DetectorSettings) -> float:
+    """Amplitude [rad/s²] of a sway at SWAY_HZ whose reversals make rings of ``amplitude`` [m/s²] across a play.
 
     About a reversal the commanded acceleration is j t, so the gap phi = j t³/6 closes at the speed v = j t²/2 =
     (6 phi)^(2/3) j^(1/3) / 2, and the tip of a bar of length l then rings with l omega_res v: j = 8 v³ / (6 phi)².
@@ -149,7 +147,7 @@ def least_acceleration(amplitude: float, play_rad: float, motion_hz: float, sett
     speed = amplitude / (abs(settings.length_m) * 2 * math.pi * settings.f_res_hz)
     loud = 8 * speed**3 / (6 * play_rad) ** 2
     soon = 6 * play_rad / (OPEN_SHARE * (settings.window_s or LONGEST_S)) ** 3
-    return max(loud, soon) / (2 * math.pi * motion_hz)
+    return max(loud, soon) / (2 * math.pi * SWAY_HZ)
 
 
 def found_share(healthy: FloatArray, worn: FloatArray) -> float:

@@ -30,7 +30,7 @@ JUDGED, LEAST_JUDGED = 60, 20
 """windows from which the needed motion is computed"""
 AGAIN = 3
 """times as many windows are worth that again: it takes a second or more"""
-SMALL_PLAY_DEG, SWAY_HZ = 0.1, 1.0
+SMALL_PLAY_DEG = 0.1
 MANY_REFUSED = 0.2
 
 
@@ -127,7 +127,7 @@ def _wanted(cut: Cuttings, settings: DetectorSettings) -> float:
         amplitude = least_amplitude(windows, cut.rate_hz, known, known.level)
     except DetectorError:
         return math.nan
-    return least_acceleration(amplitude, math.radians(SMALL_PLAY_DEG), SWAY_HZ, known)
+    return least_acceleration(amplitude, math.radians(SMALL_PLAY_DEG), known)
 
 
 def _missing(cut: Cuttings, needed: int, reached: float, wanted: float) -> list[str]:

@@ -22,10 +22,6 @@ from lostmotion.web.spark import Spark, spark
 
 __all__ = ["ROUTES"]
 
-ANSWER_S = 10.0
-"""how long the service may take for a request; it looks every second [s]"""
-LONGEST_S = 366 * 86400.0
-
 
 class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A request about an alarm."""
@@ -71,7 +67,7 @@ async def events(request: Request) -> Response:
 async def act(request: Request) -> Response:
     """Acknowledges, shelves or unshelves; answers when the service has."""
     asked = await document(request, Asked)
-    if not (0 < asked.for_s <= LONGEST_S) and asked.verb is Verb.SHELVE:
+    if not (0 < asked.for_s <= requests.LONGEST_S) and asked.verb is Verb.SHELVE:
         raise HTTPException(422, f"found for_s = {asked.for_s:g}, expected seconds, a year at most")
     by = request.client.host if request.client else ""
     wish = AlarmRequest(0, asked.joint, asked.verb, asked.cause, asked.for_s, f"web, from {by}")
@@ -83,7 +79,7 @@ def _settle(site: Site, wish: AlarmRequest) -> Answer:
     with site.reader() as reader:
         if wish.joint not in {row.name for row in reader.joints()}:
             raise HTTPException(404, f"no joint is called {wish.joint!r}")
-    return requests.settle(site.database, wish, ANSWER_S)
+    return requests.settle(site.database, wish)
 
 
 ROUTES = [

@@ -26,10 +26,6 @@ from lostmotion.drivers.terminal import printable
 __all__ = ["alarms"]
 
 LOOK_S = 0.2
-ANSWER_S = 10.0
-"""how long the service may take for a request; it looks every second [s]"""
-LONGEST_S = 366 * 86400.0
-"""what should be silent for longer should leave the configuration [s]"""
 COLOURS = {Severity.DEGRADED: "yellow", Severity.WARNING: "dark_orange", Severity.ERROR: "red"}
 
 
@@ -39,7 +35,7 @@ def seconds(ctx: click.Context, param: click.Parameter, value: str) -> float:
         length = positive(ctx, param, times.length(value)) or 0.0
     except times.TimeError as error:
         raise click.BadParameter(str(error), ctx, param) from error
-    if length > LONGEST_S:
+    if length > requests.LONGEST_S:
         raise click.BadParameter(f"found {value}, expected a year at most", ctx, param)
     return length
 
@@ -169,7 +165,7 @@ def _change(
     """
     request = Request(0, joint, verb, Cause(cause) if cause else None, for_s, os.environ.get("SUDO_USER") or _user())
     open_joint(joint, config, database).close()
-    answer = requests.settle(find_database(config, database), request, ANSWER_S)
+    answer = requests.settle(find_database(config, database), request)
     if as_json:
         output.print_json({"joint": joint, "done": answer.done, "answer": answer.text})
     else:

@@ -23,7 +23,6 @@ __all__ = ["calibrate_healthy"]
 
 PLAYS_DEG = (0.03, 0.1, 0.3, 1.0)
 """Plays for which the needed motion is reported."""
-SWAY_HZ = 1.0
 GENTLE_DEG = 0.1
 """A motion that cannot make this play detectable is too gentle; at a reversal it changes by twice its amplitude."""
 KEYS = ("window_s", "f_width_hz", "f_norm_hz", "f_norm_width_hz", "noise_ms2", "noise_colour", "statistic")
@@ -71,9 +70,7 @@ def _needed(tuned: Tuned, healthy: Cuttings) -> tuple[dict[float, float], float]
     windows = healthy.accel[:, :length]
     level = max(tuned.settings.level, float(np.quantile(batch(windows, healthy.rate_hz, tuned.settings), 0.99)))
     amplitude = least_amplitude(windows, healthy.rate_hz, tuned.settings, level)
-    accelerations = {
-        deg: least_acceleration(amplitude, math.radians(deg), SWAY_HZ, tuned.settings) for deg in PLAYS_DEG
-    }
+    accelerations = {deg: least_acceleration(amplitude, math.radians(deg), tuned.settings) for deg in PLAYS_DEG}
     return accelerations, amplitude
 
 

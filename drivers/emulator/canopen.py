@@ -25,6 +25,8 @@ SENSOR_SCALE = 0.005
 SYNC_OVERFLOW = 240
 ENABLED = 0x0637
 """status word"""
+PERIOD_S, SENSOR_HZ = 0.01, 1000.0
+"""from SYNC to SYNC; samples a second of the sensor"""
 AWAKE_S = 1.0
 BEAT_S = 1.0
 Frame = tuple[int, bytes]
@@ -96,23 +98,20 @@ class VirtualDrive:
 
 class CanopenLine:
     """Drives of the nodes, each a motion later than the next, with SYNC and its counter; a CiA 404 sensor where
-    ``sensor`` is a node, with 16 bits in its TPDO1 at ``sensor_hz``.
+    ``sensor`` is a node, with 16 bits in its TPDO1.
 
     received: the frames that were sent to the bus by whoever listens; lose: so many SYNCs with all that follows them
     get lost from now on.
     """
 
-    def __init__(
-        self, nodes: Sequence[int], motion: Motion, rate_hz: float = 100.0, sensor: int = 0, sensor_hz: float = 1000.0
-    ) -> None:
+    def __init__(self, nodes: Sequence[int], motion: Motion, sensor: int = 0) -> None:
         last = len(nodes) - 1
         self.drives = {node: VirtualDrive(node, motion, SPREAD_S * (last - i)) for i, node in enumerate(nodes)}
         self.received: list[Frame] = []
         self.commands: list[bytes] = []
         self.lose = 0
-        self._period = 1 / rate_hz
-        self._sensor, self._sensor_hz = sensor, sensor_hz
-        tip = motion.tip(sensor_hz) / SENSOR_SCALE if sensor else ()
+        self._sensor = sensor
+        tip = motion.tip(SENSOR_HZ) / SENSOR_SCALE if sensor else ()
         self._tip = [pack("<h", max(-32768, min(32767, round(value)))) for value in tip]
         self._count = 0
         self._cycle = self._sample = 0
@@ -153,19 +152,19 @@ class CanopenLine:
         """All frames on the bus up to now."""
         answers, self._answers = self._answers, []
         if self._due < now - AWAKE_S:  # switched on just now
-            self._cycle, self._sample = int(now / self._period), int(now * self._sensor_hz)
+            self._cycle, self._sample = int(now / PERIOD_S), int(now * SENSOR_HZ)
         sent = list(answers)
-        while self._cycle * self._period <= now:
-            sent += self._one_cycle(self._cycle * self._period)
+        while self._cycle * PERIOD_S <= now:
+            sent += self._one_cycle(self._cycle * PERIOD_S)
             self._cycle += 1
         if self._sensor:
-            end = int(now * self._sensor_hz) + 1
+            end = int(now * SENSOR_HZ) + 1
             sent += [(TPDO1 + self._sensor, self._tip[i % len(self._tip)]) for i in range(self._sample, end)]
             self._sample = max(self._sample, end)
         if now > self._beat + BEAT_S:
             self._beat = now
             sent += [(HEARTBEAT + d.node, bytes([d.nmt])) for d in self.drives.values() if not d.silent]
-        self._due = min(self._cycle * self._period, now + 0.005) if self._sensor else self._cycle * self._period
+        self._due = min(self._cycle * PERIOD_S, now + 0.005) if self._sensor else self._cycle * PERIOD_S
         return sent
 
     def _one_cycle(self, time: float) -> list[Frame]:

@@ -25,7 +25,7 @@ class _Stream:
     same sample again and again, ``lossy`` is the share of the bytes that is lost.
     """
 
-    def __init__(self, table: list[bytes], rate_hz: float, burst_s: float) -> None:
+    def __init__(self, table: list[bytes], rate_hz: float, burst_s: float = 0.005) -> None:
         self._table = table
         self._rate = rate_hz
         self._burst = burst_s
@@ -69,7 +69,7 @@ class _Stream:
 class WitMotionStream(_Stream):
     """A WitMotion sensor sending acceleration frames; the bar moves along one axis, gravity is on z, all are noisy."""
 
-    def __init__(self, motion: Motion, rate_hz: float = 200.0, axis: str = "x", burst_s: float = 0.005) -> None:
+    def __init__(self, motion: Motion, rate_hz: float = 200.0, axis: str = "x") -> None:
         tip = motion.tip(rate_hz)
         axes = np.random.default_rng(2).normal(0, NOISE_MS2, (3, tip.size))
         axes[2] += GRAVITY_MS2
@@ -79,17 +79,15 @@ class WitMotionStream(_Stream):
         for values in raw.T.tolist():
             frame = witmotion.WitFrame(witmotion.ACCELERATION, (*values, 2500))
             frames.append(witmotion.encode(frame))
-        super().__init__(frames, rate_hz, burst_s)
+        super().__init__(frames, rate_hz)
 
 
 class CsvStream(_Stream):
     """A microcontroller printing ``t_us,value``; ``clock_us`` is the reading of its clock at time 0 of the host (set it
     to make the clock step), ``ppm`` by how much it runs fast."""
 
-    def __init__(
-        self, motion: Motion, rate_hz: float = 1000.0, stamps: bool = True, ppm: float = 0.0, burst_s: float = 0.005
-    ) -> None:
-        super().__init__([b"%.4f\r\n" % value for value in motion.tip(rate_hz)], rate_hz, burst_s)
+    def __init__(self, motion: Motion, rate_hz: float = 1000.0, stamps: bool = True, ppm: float = 0.0) -> None:
+        super().__init__([b"%.4f\r\n" % value for value in motion.tip(rate_hz)], rate_hz)
         self.clock_us = 0
         self._stamps = stamps
         self._tick_us = 1e6 / rate_hz * (1 + ppm * 1e-6)

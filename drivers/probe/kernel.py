@@ -56,9 +56,9 @@ def iio_accelerometers(folder: Path = IIO) -> list[IioFound]:
     ]
 
 
-def can_interfaces(folder: Path = NET, listen_s: float = LISTEN_S) -> list[CanFound]:
+def can_interfaces(folder: Path = NET) -> list[CanFound]:
     """All CAN interfaces; those that are up are listened to."""
-    return [_can(folder / name, listen_s) for name in kernel_interfaces(folder)]
+    return [_can(folder / name) for name in kernel_interfaces(folder)]
 
 
 def nodes(ids: Iterable[int]) -> tuple[int, ...]:
@@ -66,23 +66,23 @@ def nodes(ids: Iterable[int]) -> tuple[int, ...]:
     return tuple(sorted({id - HEARTBEAT for id in ids} & {*NODE_IDS}))
 
 
-def _can(device: Path, listen_s: float) -> CanFound:
+def _can(device: Path) -> CanFound:
     name, up = device.name, bool(int(_text(device / "flags") or "0", 16) & IFF_UP)
     bitrate = _bitrate(name)
     if not up:
         return CanFound(name, up, bitrate, error=f"down; sudo ip link set {name} up type can bitrate 500000")
     try:
-        counts = _listen(name, listen_s)
+        counts = _listen(name)
     except (OSError, ImportError) as error:
         return CanFound(name, up, bitrate, error=f"cannot be listened to: {error}")
-    return CanFound(name, up, bitrate, sum(counts.values()), nodes(counts), counts[SYNC] / listen_s)
+    return CanFound(name, up, bitrate, sum(counts.values()), nodes(counts), counts[SYNC] / LISTEN_S)
 
 
-def _listen(name: str, seconds: float) -> Counter[int]:
+def _listen(name: str) -> Counter[int]:
     """How many data frames of each identifier come in; a raw socket of its own receives all and sends nothing."""
     from lostmotion.drivers.python_can import can
 
-    found, end = Counter[int](), time.monotonic() + seconds
+    found, end = Counter[int](), time.monotonic() + LISTEN_S
     try:
         with can.Bus(name, interface="socketcan") as bus:
             while (left := end - time.monotonic()) > 0:

@@ -126,8 +126,8 @@ def test_least_acceleration_by_hand() -> None:
     flight = (6 * 0.008 / 200) ** (1 / 3)
     speed = 200 * flight**2 / 2
     amplitude = speed * 0.1 * 2 * math.pi * 58
-    assert least_acceleration(amplitude, 0.008, 1.0, settings) == pytest.approx(200 / (2 * math.pi), rel=1e-6)
-    crossing = least_acceleration(0.0, 0.008, 1.0, settings) * 2 * math.pi
+    assert least_acceleration(amplitude, 0.008, settings) == pytest.approx(200 / (2 * math.pi), rel=1e-6)
+    crossing = least_acceleration(0.0, 0.008, settings) * 2 * math.pi
     assert crossing * 0.175**3 / 6 == pytest.approx(0.008)
 
 
