@@ -150,8 +150,8 @@ def _explanation(
             selection,
             descent[0],
             lambda one: _error(one, unseen, descent[0]),
-            lambda one: _estimates(one.judged),
-            _estimates(best),
+            lambda one: _estimates(one.judged, floors[column]),
+            _estimates(best, floors[column]),
         ),
         error=errors,
         residual=None if complete else described(selection.fits[-1].inverse),
@@ -221,10 +221,11 @@ def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
     return sizes
 
 
-def _estimates(fit: Regression) -> tuple[Estimate, ...]:
-    """The parameters with confidence intervals that are robust to correlation of the residual within blocks."""
-    width = float(-stdtrit(max(fit.freedom, 1), (1 - policy.CONFIDENCE) / 2))
-    found = fit.unknowns.estimates(fit.model, fit.z, fit.deviations_within_bounds(), width)
+def _estimates(fit: Regression, floor: float) -> tuple[Estimate, ...]:
+    """The parameters with confidence intervals; floor: root mean square of the noise of the sensors."""
+    deviation, freedom = fit.interval(is_lasting=isinstance(fit.data, OutputError) and not is_noise(fit.misfit, floor))
+    width = float(-stdtrit(freedom, (1 - policy.CONFIDENCE) / 2))
+    found = fit.unknowns.estimates(fit.model, fit.z, deviation, width)
     return tuple(replace(one, unit=words.of_axis(one.unit, *fit.data.axis)) for one in found)
 
 
@@ -241,7 +242,7 @@ def _fit(fit: Regression, rough: Model, noise: dict[str, float], *unseen: Signal
         model=model,
         experiments=tuple(experiment for experiment, _ in shown),
         starts=tuple(start for _, start in shown if start is not None),
-        estimates=_estimates(fit),
+        estimates=_estimates(fit, noise[fit.data.column]),
         correlation=np.asarray(covariance / np.outer(deviation, deviation)),
         noise=noise,
         rms={fit.data.column: fit.error},
