@@ -1,8 +1,9 @@
 """How often the intervals of `lab fit` hold the truth where something disturbs a machine.
 
-``python -m bench.intervals [--seed 1] [--count 12] [--kinds swing,joint,oscillator]`` simulates pendulums that swing
-freely, joints under control, and masses on springs that a force drives, with equations written here.  A torque or force
-that no column shows disturbs each for 0.1 to 5 s at a time (an Ornstein-Uhlenbeck process).  The right model is fitted
+``python -m bench.intervals [--seed 1] [--count 12] [--kinds swing,joint,oscillator,motor]`` simulates pendulums that
+swing freely, joints under control, masses on springs that a force drives, and motors whose torque was recorded some
+milliseconds early and that drag strongly, as by a voltage, with equations written here.  A torque or force that no
+column shows disturbs each for 0.1 to 5 s at a time (an Ornstein-Uhlenbeck process).  The right model is fitted
 from the command line, and its 95 % intervals are compared with the true values.
 """
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 FloatArray = NDArray[np.float64]
-KINDS = ("swing", "joint", "oscillator")
+KINDS = ("swing", "joint", "oscillator", "motor")
 STEPS = 20
 """Steps of the simulation between two samples."""
 TURN = 2 * math.pi
@@ -82,8 +83,10 @@ def simulated(kind: str, seed: int) -> tuple[str, list[dict[str, FloatArray]], d
         return model, found, {
             "gravity_torque.tau_g": weight, "viscous_friction.b_v": viscous, "coulomb_friction.tau_c": dry
         }  # fmt: skip
-    if kind == "joint":
+    if kind in ("joint", "motor"):
         step, inertia, viscous, dry = 0.004, rng.uniform(0.05, 0.5), rng.uniform(0.1, 1.5), rng.uniform(0.2, 1.0)
+        early = rng.uniform(0.003, 0.012) if kind == "motor" else 0.0
+        viscous = rng.uniform(4, 20) * inertia if kind == "motor" else viscous
         for _ in range(rng.integers(1, 4)):
             times = step / STEPS * np.arange(int(rng.uniform(8, 20) / step) * STEPS)
             goal = by_hand(rng, times, 0.6, 2.0)
@@ -95,7 +98,7 @@ def simulated(kind: str, seed: int) -> tuple[str, list[dict[str, FloatArray]], d
             noise = rng.standard_normal((2, times[::STEPS].size))
             found.append({
                 "time": times[::STEPS], "position": places[::STEPS] + 2e-5 * noise[0],
-                "torque": torques[::STEPS] + 0.02 * noise[1],
+                "torque": np.interp(times + early, times, torques)[::STEPS] + 0.02 * noise[1],
             })  # fmt: skip
         model = 'base = "joint"\neffects = ["viscous_friction", "coulomb_friction"]\n'
         return model, found, {"J": inertia, "viscous_friction.b_v": viscous, "coulomb_friction.tau_c": dry}

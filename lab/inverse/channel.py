@@ -99,7 +99,8 @@ class Channel:
     def signals(self, experiment: Experiment, is_force: bool = True, is_disturbed: bool = False) -> Signals:
         """The signals of a recording in the band, without the delay; is_force, is_disturbed: see ``Signals.of``."""
         experiment = experiment.with_reversed_input() if self.is_reversed else experiment
-        return Signals.of(experiment.delayed(self.delay_s), is_force, self.band_hz, is_disturbed)
+        found = Signals.of(experiment.delayed(self.delay_s), is_force, self.band_hz, is_disturbed)
+        return replace(found, is_delayed=bool(self.delay_s))
 
 
 def _check_sizes(signals: Sequence[Signals]) -> None:

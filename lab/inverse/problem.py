@@ -109,6 +109,11 @@ class Problem(ABC):
         """The same problem with an integration step that these models need, where motions are simulated."""
         return self
 
+    @property
+    def estimated_before(self) -> FloatArray:
+        """Derivatives of the residual by what was estimated before the fit (M, B), for its intervals."""
+        return np.empty((sum(self.counts), 0))
+
     def by_recording(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Splits values of all samples (M, …) by recording."""
         return np.split(values, np.cumsum(self.counts)[:-1])
@@ -180,6 +185,19 @@ class InverseModel(Problem):
         torques = zip(*(self.needed(*point) for point in points), strict=True)
         pairs = zip(self.signals, torques, strict=True)
         return np.concatenate([one.filtered(one.torque - np.array(each)) for one, each in pairs], axis=1)
+
+    @property
+    def estimated_before(self) -> FloatArray:
+        """The derivative of the residual by the delay between torque and angle (M, 1), or nothing without one.
+
+        A torque b omega that acts d later has the part b d of an inertia.  A delay that counts as known makes the
+        interval of a motor's inertia too narrow.
+        """
+        if not any(one.is_delayed for one in self.signals):
+            return super().estimated_before
+        steps = [(one, one.time[1] - one.time[0]) for one in self.signals]
+        parts = [one.filtered(one.delayed(step).torque - one.torque) / step for one, step in steps]
+        return self.whitened(np.concatenate(parts))[:, None]
 
     def coloured(self, misfit: FloatArray) -> Self:
         """The problem with the colour of this misfit (M,): the correlation of its neighbouring samples."""

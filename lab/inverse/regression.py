@@ -155,7 +155,8 @@ class Regression:
         whether disturbances acted on a simulated motion, whose response lasts longer than the correlation of the
         residual tells: that of a swing crosses zero after a quarter of a period, but amplitude and phase remain off.
         There are ``policy.LASTING_BLOCKS`` then, else the blocks are those of the tests.  A parameter that ended at a
-        bound is given for all others.  Errors: d_g is of first order.
+        bound is given for all others, and what was estimated before the fit counts as fitted.  Errors: d_g is of
+        first order.
         """
         counts = self.data.counts
         blocks = numbered(counts, sum(counts) / policy.LASTING_BLOCKS) if is_lasting else self.block
@@ -166,7 +167,7 @@ class Regression:
 
     def _jackknifed(self, blocks: NDArray[np.intp], given: Sequence[str]) -> FloatArray:
         """The covariance CR3 of z (P, P) for these blocks (M,); see ``interval``."""
-        jacobian, size = self._scaled_jacobian(given)
+        jacobian, size = self._scaled_jacobian(given, self.data.estimated_before)
         values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
         known = values > UNIDENTIFIED * values[-1]
         root = vectors[:, known] / np.sqrt(values[known])
@@ -180,10 +181,12 @@ class Regression:
         whole = (many - 1) / many * (root @ spread @ root.T) / np.outer(size, size)
         return np.asarray(whole[: self.count, : self.count])
 
-    def _scaled_jacobian(self, given: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """The Jacobian (M, P + E) with columns of length one, zero for the given parameters, and their lengths."""
-        known = np.isin(np.arange(self.jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
-        jacobian = np.where(known, 0.0, self.jacobian)
+    def _scaled_jacobian(self, given: Sequence[str], *beside: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The Jacobian and other derivatives (M, P + E + B) with columns of length one, zero for the given parameters,
+        and their lengths."""
+        jacobian = np.concatenate([self.jacobian, *beside], axis=1)
+        known = np.isin(np.arange(jacobian.shape[1]), [self.unknowns.names.index(name) for name in given])
+        jacobian = np.where(known, 0.0, jacobian)
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-100)
         return jacobian / size, size
 

@@ -88,6 +88,8 @@ class Signals:
     counts_settled: bool = False
     """Whether only samples farther than ``SETTLED`` from a rest or a reversal are compared: where there is a torque,
     unless neighbours move the joint, so that its friction is known by the reversals alone."""
+    is_delayed: bool = False
+    """Whether a delay between torque and angle was estimated and removed."""
 
     @classmethod
     def of(
