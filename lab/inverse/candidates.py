@@ -18,7 +18,7 @@ from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import held, with_free_states
-from lostmotion.lab.inverse.first_values import evaluated, turns_of
+from lostmotion.lab.inverse.first_values import guesses, sized, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
@@ -174,9 +174,8 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     wide = _within_speeds(wide, name, size, _blurred_speed(now.data))
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, fits = now.data.suited(begin), list[Regression]()
-    promising = [entry for start in begin if not is_over() and (entry := evaluated(name, start, now, data))]
-    for _, start, nuisance in sorted(promising, key=lambda one: -one[0])[:STARTS]:
-        if len(fits) < most and not is_over() and (fit := _tried(start, data, nuisance, steps)):
+    for guess in guesses(name, begin, now, data)[:STARTS]:
+        if len(fits) < most and not is_over() and (fit := _tried(sized(guess, now, data), data, guess.nuisance, steps)):
             fits += [fit] if are_consistent(fit.model, [name]) else []
     return min(fits, key=lambda one: one.rms, default=None)
 

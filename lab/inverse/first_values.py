@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from lostmotion.lab import policy
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression
@@ -22,7 +24,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["evaluated", "turns_of"]
+__all__ = ["Guess", "guesses", "sized", "turns_of"]
 
 ANGLES = 6
 """Zero angles of an encoder that are tried in a period of an effect: one of them is at most 30 degrees of phase off."""
@@ -32,14 +34,34 @@ PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
 """Shares of the linearly extrapolated amplitude that are tried in turn."""
 
 
-def evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple[float, Model, FloatArray] | None:
-    """The decrease of the squared residual by an effect of this shape with the best amplitude, to first order; the
-    model with that amplitude; and the initial nuisance parameters.  None where the motion does not cover the effect or
-    it does not change the residual."""
-    if not _covers(name, start, now.data):
-        return None
-    nuisance = _zeros(name, start, now, data)
-    column = data.residual(start, nuisance) - now.residual
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """First values of a fit with one more effect; nuisance: the initial nuisance parameters (E,).
+
+    gain: the decrease of the squared residual to first order, with these amplitudes by name, before they are ``sized``.
+    """
+
+    gain: float
+    model: Model
+    nuisance: FloatArray
+    amplitudes: dict[str, float]
+
+
+def guesses(name: str, shapes: Sequence[Model], now: Regression, data: Problem) -> list[Guess]:
+    """The guesses for an effect of these shapes, that with the largest gain first.  Shapes that the motion does not
+    cover, or that do not change the residual, are left out, and also those for which the time is over."""
+    left = [shape for shape in shapes if _covers(name, shape, now.data)]
+    found: list[Guess] = []
+    while left and not is_over():
+        part, left = left[: data.most_beside], left[data.most_beside :]
+        points = [(shape, _zeros(name, shape, now, data)) for shape in part]
+        every = zip(points, data.residuals(points), strict=True)
+        found += [guess for point, residual in every if (guess := _guess(name, *point, residual - now.residual, now))]
+    return sorted(found, key=lambda guess: -guess.gain)
+
+
+def _guess(name: str, shape: Model, nuisance: FloatArray, column: FloatArray, now: Regression) -> Guess | None:
+    """The guess with the best amplitude to first order; column: the change of the residual by the shape (M,)."""
     if not np.isfinite(column).all() or column @ column <= ROUNDING**2 * (now.residual @ now.residual):
         return None
     own = projected_off(now.jacobian, column)
@@ -48,12 +70,22 @@ def evaluated(name: str, start: Model, now: Regression, data: Problem) -> tuple[
         return None
     factor = -float(own @ now.residual) / power
     names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
-    signed = all(start.parameters[full].low < 0 for full in names)
-    if names and (factor > 0 or signed):
-        start = _sized(start, {full: start.parameters[full].value * factor for full in names}, now, data, nuisance)
-    elif names:
-        factor = 0.0
-    return factor**2 * power, start, nuisance
+    signed = all(shape.parameters[full].low < 0 for full in names)
+    if names and not (factor > 0 or signed):
+        return Guess(0.0, shape, nuisance, {})
+    return Guess(factor**2 * power, shape, nuisance, {full: shape.parameters[full].value * factor for full in names})
+
+
+def sized(guess: Guess, now: Regression, data: Problem) -> Model:
+    """The model with the largest share of the amplitudes of a guess with which the error is smaller than without the
+    effect, so that the fit can descend."""
+    start = guess.model
+    for part in PARTS if guess.amplitudes else ():
+        start = start.replace({full: start.parameters[full].clipped(part * v) for full, v in guess.amplitudes.items()})
+        residual = data.residual(start, guess.nuisance)
+        if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
+            break
+    return start
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
@@ -68,7 +100,8 @@ def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArra
     if not isinstance(data, InverseModel) or not now.nuisance.size or now.jacobian[:, now.count :].any():
         return now.nuisance
     grid = np.arange(ANGLES) / ANGLES * math.tau / getattr(start.parameters.get(f"{name}.N"), "value", 1.0)
-    alike = [_explained_shares(data.residual(start, zero + now.nuisance) - now.residual, now) for zero in grid]
+    changes = data.residuals([(start, zero + now.nuisance) for zero in grid]) - now.residual
+    alike = [_explained_shares(change, now) for change in changes]
     found = grid[np.argmax(alike, axis=0)]
     return np.asarray(np.where(data.nuisance_range < math.tau, now.nuisance, found))
 
@@ -79,17 +112,6 @@ def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
     split = now.data.by_recording
     parts = zip(split(projected_off(now.jacobian, column)), split(now.residual), strict=True)
     return [-float(own @ residual) / max(float(np.linalg.norm(own)), 1e-100) for own, residual in parts]
-
-
-def _sized(start: Model, sizes: dict[str, float], now: Regression, data: Problem, nuisance: FloatArray) -> Model:
-    """The model with the largest share of the linearly extrapolated amplitudes with which the error is smaller than
-    without the effect, so that the fit can descend; sizes: the amplitudes by name."""
-    for part in PARTS:
-        sized = start.replace({name: start.parameters[name].clipped(part * value) for name, value in sizes.items()})
-        residual = data.residual(sized, nuisance)
-        if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
-            break
-    return sized
 
 
 def _covers(name: str, model: Model, data: Problem) -> bool:

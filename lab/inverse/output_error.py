@@ -31,6 +31,7 @@ from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
+from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.run import run_each
 
@@ -127,10 +128,9 @@ class OutputError(Problem):
             return nuisance
         found = np.array([[0.0, 0.0, *self._settled(model, one)] for one in self.signals])
         found[:, : known.shape[1]] = known
-        here, columns = self.residual(model, found.ravel()), []
-        for at in range(known.shape[1], many):
-            unit = np.ptp(self.signals[0].position) * (np.arange(many) == at)
-            columns.append(self.by_recording(self.residual(model, (found + unit).ravel()) - here))
+        units = np.ptp(self.signals[0].position) * np.eye(many)[known.shape[1] :]
+        here, *there = self.residuals([(model, found.ravel()), *((model, (found + one).ravel()) for one in units)])
+        columns = [self.by_recording(moved - here) for moved in there]
         for row, column, left in zip(found, zip(*columns, strict=True), self.by_recording(here), strict=True):
             size = -np.linalg.lstsq(np.stack(column, axis=1), left)[0]
             row[known.shape[1] :] += size * np.ptp(self.signals[0].position)
@@ -189,6 +189,11 @@ class OutputError(Problem):
         a servo is counted from the zero of its angle."""
         is_placed = self.prior_centre.base != "servo" and (at > 0 or not self.is_anchored)
         return self.column == ACCEL or is_placed
+
+    @property
+    def most_beside(self) -> int:
+        """One for a servo, as the integration step of each model beside the first is that of the first."""
+        return 1 if self.prior_centre.base == "servo" else LANES
 
     def suited(self, models: Sequence[Model]) -> Self:
         """The problem with an integration step that these models need as well, but at least ``FINEST`` of the present

@@ -21,6 +21,7 @@ from lostmotion.lab.data.series import rms
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import acceleration, inertia_of
 from lostmotion.model import Model
+from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["EquationError", "InverseModel", "Point", "Problem"]
@@ -82,6 +83,11 @@ class Problem(ABC):
     @abstractmethod
     def signal_rms(self, model: Model) -> float:
         """Root mean square of the signal that is compared, in the unit of the residual."""
+
+    @property
+    def most_beside(self) -> int:
+        """The largest number of models with different effects' sizes whose residuals are computed at once."""
+        return LANES
 
     @property
     def is_driven(self) -> bool:

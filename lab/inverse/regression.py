@@ -106,12 +106,17 @@ class Regression:
         here, weight = every[:many], max(self.rms, 1e-300)
         slopes = np.concatenate([self.jacobian[inside, :many], weight * np.eye(many)])
 
-        def values(there: FloatArray) -> tuple[Model, FloatArray]:
-            z, nuisance = np.split(np.concatenate([there, every[many:]]), [self.count])
-            return self.unknowns.put(self.model, z), nuisance
+        known = {here.tobytes(): self.misfit}
+
+        def misfit(there: FloatArray) -> FloatArray:
+            key = there.tobytes()
+            if key not in known:
+                z, nuisance = np.split(np.concatenate([there, every[many:]]), [self.count])
+                known[key] = self.data.misfit(self.unknowns.put(self.model, z), nuisance)
+            return known[key]
 
         def errors(there: FloatArray) -> FloatArray:
-            return np.concatenate([self.data.residual(*values(there))[inside], weight * (there - here)])
+            return np.concatenate([self.data.whitened(misfit(there))[inside], weight * (there - here)])
 
         def jacobian(_: FloatArray) -> FloatArray:
             return slopes
@@ -120,8 +125,8 @@ class Regression:
             return self.misfit
         low, high = (bound[:many] for bound in _bounds(self.unknowns, self.data))
         with np.errstate(over="ignore"):  # a trial step may be far off
-            there = least_squares(errors, here, jacobian, (low, high), x_scale="jac", max_nfev=REFITS, ftol=CONVERGED).x
-        return self.data.misfit(*values(there))
+            fit = least_squares(errors, here, jacobian, (low, high), x_scale="jac", max_nfev=REFITS, ftol=CONVERGED)
+        return misfit(fit.x)
 
     @cached_property
     def block(self) -> NDArray[np.intp]:
