@@ -129,12 +129,16 @@ def _example(series: Sequence[Series], clock: str, swings: str) -> str:
         return mapped("position", swings, ":deg")
     names = [one.name for one in series if not is_time(one.name) and one.name != clock]
     if not clock and len(names) == len(series) > 1:
-        return f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"
+        moves = next((one for one in names if not is_input(one)), names[0])
+        without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}:deg")
+        given = f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"
+        return f"{given}, or without times, if there are 100 rows a second, {without}"
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
     first, *rest = sorted(names, key=lambda one: (is_input(one), has_input and one != "y")) or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped(column, first)
-    unit = "" if unit_of(first, "position") else ":deg"
+    is_speed = re.search("veloc|speed", first, re.IGNORECASE)
+    unit = "" if unit_of(first, "position") else ":rad/s" if is_speed else ":deg"
     drives = [one for one in rest if is_input(one)] or rest
     return ", and ".join(
         [mapped("position", first, unit), *(f"a torque {mapped('torque', one)}" for one in drives[:1])]

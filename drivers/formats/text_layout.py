@@ -172,9 +172,11 @@ def _names_in(line: str, rows: Rows) -> list[str]:
         return joined if len(joined) == rows.width else found
     while len(found) > rows.width and not found[-1].strip():
         found.pop()
-    if len(found) >= rows.width:
+    if len(found) >= rows.width and (rows.width == 1 or any(cell.strip() for cell in found[1:])):
         return found
-    others = (NAME.findall(line) if sign == " " else cells_of(line, sign) for sign in SEPARATORS)
+    others = (
+        NAME.findall(line) if sign == " " else cells_of(line, sign) for sign in SEPARATORS if sign != rows.separator
+    )
     return next((cells for cells in others if len(cells) == rows.width), found)
 
 

@@ -71,8 +71,9 @@ UNITS = {
     "deg", "rad", "s", "ms", "us", "ns", "mm", "cm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "kn", "arcmin",
     "rev", *SPELT,
 }  # fmt: skip
-RUN = re.compile(r"\s*(?:\bRun\s*#?\s*\d+|#\d+|\(\d+\)|(?<=[A-Za-z])_?\d+)\s*$", re.IGNORECASE)
-"""the number of a run at the end of a name: ``Position (m) Run #1``, ``t2``; of the second of its name in ``t (4)``"""
+RUN = re.compile(r"\s*(?:\bRun\s*#?\s*\d+|\bMonitor Run|#\d+|\(\d+\)|(?<=[A-Za-z])_?\d+)\s*$", re.IGNORECASE)
+"""the number of a run at the end of a name: ``Position (m) Run #1``, ``t2``; of the second of its name in ``t (4)``; or
+the run that is shown while it is measured, which has none: ``Position (cm) Monitor Run``"""
 UNNAMED = re.compile(r"column\d+")
 """what a column without a name is called"""
 BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")

@@ -455,3 +455,33 @@ def test_distances_and_times_in_long_or_uneven_steps(tmp_path: Path) -> None:
     np.testing.assert_allclose(read(path).recording.columns["position"], SWING, atol=1e-4)
     path.write_text(rows(uneven, uneven, sign=","))
     assert "none that is clearly a column" in refused(path)
+
+
+def test_names_that_blanks_separate_stand_above_rows_of_tabs(tmp_path: Path) -> None:
+    """As a spreadsheet saves a header that was typed into its first cell."""
+    path = tmp_path / "pendulum.txt"
+    path.write_text("time angle dt da\t\t\t\n" + rows(T, SWING, 0 * T + 0.017, 0 * T + 0.05))
+    assert read(path).recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+
+
+def test_the_run_that_is_shown_while_it_is_measured_has_a_unit(tmp_path: Path) -> None:
+    """A position in centimetres had been taken for an angle in rad."""
+    path = tmp_path / "spring.csv"
+    path.write_text('"Time (s) Monitor Run","Position (cm) Monitor Run"\n' + rows(T, 100 * SWING, sign=","))
+    assert read(path).recording.columns["position"] == pytest.approx(SWING, abs=1e-6)
+    assert read(path).recording.metadata["position_unit"] == "m"
+
+
+@pytest.mark.parametrize(
+    ("header", "advice"),
+    [
+        ("y,u", "FILE#rate-hz=100,position=y:deg"),
+        ("Time,input signal,Motor Angular Velocity", "position=Motor Angular Velocity:rad/s"),
+    ],
+)
+def test_the_advice_suits_what_a_file_has(header: str, advice: str, tmp_path: Path) -> None:
+    """No times where no column ascends, and no angle in degrees for a velocity."""
+    path = tmp_path / "motor.csv"
+    columns = (T, np.sign(SWING), SWING)[3 - header.count(",") - 1 :]
+    path.write_text(header + "\n" + rows(*columns, sign=","))
+    assert advice in refused(path)
