@@ -124,7 +124,7 @@ class Regression:
         if not many:
             return self.misfit
         low, high = (bound[:many] for bound in _bounds(self.unknowns, self.data))
-        with np.errstate(over="ignore"):  # a trial step may be far off
+        with np.errstate(all="ignore"):  # a trial step may be far off
             fit = least_squares(errors, here, jacobian, (low, high), x_scale="jac", max_nfev=REFITS, ftol=CONVERGED)
         return misfit(fit.x)
 
@@ -265,7 +265,7 @@ def _minimised(
     objective = Objective(model, data, unknowns, usual, weight, near, bounds[1])
     if not np.isfinite(objective.residual(z)).all():
         raise ModelError("the motion cannot be simulated with the first values of the parameters")
-    with np.errstate(over="ignore"), suppress(FitEndsError):  # a trial step may be far off: its error is compared
+    with np.errstate(all="ignore"), suppress(FitEndsError):  # a trial step may be far off: its error is compared
         least_squares(objective.residual, z, objective.jacobian, bounds, x_scale="jac", max_nfev=steps, ftol=CONVERGED)
     assert objective.known  # at the last step that was taken
     x, error, slopes = objective.known
