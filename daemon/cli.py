@@ -59,9 +59,13 @@ def run(config: Path | None, duration: float | None) -> int:
 
     Without --config a simulated robot runs, and its database is in the user's state folder.
     """
-    from lostmotion.daemon.commands.run import run
+    from lostmotion.daemon import config as configuration
+    from lostmotion.daemon import heap, service
 
-    return run(config, duration)
+    heap.set_up()
+    if config is None:
+        return service.run(configuration.default(), duration_s=duration)
+    return service.run(configuration.load(config), duration_s=duration, reload=lambda: configuration.load(config))
 
 
 @cli.group("config")
