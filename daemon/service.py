@@ -19,8 +19,8 @@ from lostmotion.daemon.alarm import Change
 from lostmotion.daemon.alarm_manager import AlarmManager, is_over
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.fault_barrier import FaultBarrier, run_poller
+from lostmotion.daemon.learning import Learning
 from lostmotion.daemon.no_memory import NO_MEMORY, is_no_memory
-from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.notify import Notifier
 from lostmotion.daemon.periods import Periods
 from lostmotion.daemon.records import Answer, JointRow, ScoreRow, WindowRow
@@ -152,7 +152,7 @@ class Service:
         with self._store.reader() as reader:
             for attributor in self._robot.pipeline.attributors:
                 attributor.resume(reader.origins())
-            self._noises = Noises(self._robot, reader.noises(), reader.flanks())
+            self._learning = Learning(self._robot, reader.noises(), reader.flanks())
         self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
         self._exporter = _exporter(config, self._store, self._robot)
@@ -186,7 +186,7 @@ class Service:
         for thread in self._threads:
             if thread.ident is not None:  # it was started: there may have been no memory for all of them
                 thread.join(1.0)
-        self._store.add(*self._noises.rows())
+        self._store.add(*self._learning.rows())
         self._store.add(*counters.rows(self._robot, self._utc()), *self._stamps.rows)
         self._alarm_manager.publish_settled(FINISH_S)
         self._alarm_manager.close()
@@ -301,7 +301,7 @@ class Service:
         while self._robot.pipeline.is_behind:
             has_learnt = self._barrier.call(self._robot.pipeline.learn)
         if done or has_learnt:
-            self._store.add(*self._noises.rows())
+            self._store.add(*self._learning.rows())
 
     def _publish(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:

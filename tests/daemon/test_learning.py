@@ -12,8 +12,8 @@ import pytest
 
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon import documents
+from lostmotion.daemon.learning import Learning
 from lostmotion.daemon.learnt import BarRow, FlankRow, NoiseChange, NoiseRow
-from lostmotion.daemon.noises import Noises
 from lostmotion.daemon.pipeline import Learnt
 from lostmotion.daemon.records import EPOCH
 from lostmotion.daemon.robot import Robot
@@ -63,7 +63,7 @@ def test_bar_and_flanks_survive_a_restart(tmp_path: Path) -> None:
         assert documents.status(reader)["flanks"] == [told]
         assert documents.status(reader)["noise"][0]["f_res_hz"] == 61.0
     found = robot()
-    learnt = Noises(found, noises, kept)
+    learning = Learning(found, noises, kept)
     learner = found.pipeline.learners["elbow"]
     assert (learner.settings.f_res_hz, learner.settings.zeta) == (61.0, 0.012)
     law, windows, follows = found.pipeline.laws["elbow"]
@@ -71,10 +71,10 @@ def test_bar_and_flanks_survive_a_restart(tmp_path: Path) -> None:
     assert str(kept[0]).endswith("from 60 windows; servo delay 20 ± 8 ms")
     assert (law.likelihood, windows) == (flanks.likelihood, 60)
     assert law.softness == (0.0, 0.0, 0.065)
-    assert learnt.rows() == []
+    assert learning.rows() == []
     text = SIMULATED.replace("f_res_hz = 58.0", "f_res_hz = 58.0, zeta = 0.02")
     other = robot(text.replace("level = 5.5", "level = 5.5\nflank_exponent = 11"))
-    Noises(other, noises, kept)
+    Learning(other, noises, kept)
     assert other.pipeline.learners["elbow"].settings.f_res_hz == 58.0
     assert other.pipeline.laws == {}
 
@@ -82,10 +82,10 @@ def test_bar_and_flanks_survive_a_restart(tmp_path: Path) -> None:
 def test_laws_of_flanks_are_written_now_and_then() -> None:
     """A row after every 20 windows that have told something, not before."""
     found = robot()
-    noises, rows = Noises(found, []), []
+    learning, rows = Learning(found, []), []
     for windows in range(1, 46):
         found.pipeline.resume_law("elbow", (0.0,) * 8, windows)
-        rows += noises.rows()
+        rows += learning.rows()
     assert [row.windows for row in rows if isinstance(row, FlankRow)] == [20, 40]
 
 
@@ -102,7 +102,7 @@ def test_what_is_told_of_a_bar() -> None:
 def test_a_restart_goes_on_and_another_bar_begins_anew(old: str, new: str, seen: int) -> None:
     """The learner of the same joint, bar and rate counts on with that noise; with another resonance it begins anew."""
     found = robot(SIMULATED.replace(old, new) if old else SIMULATED)
-    Noises(found, [ROW])
+    Learning(found, [ROW])
     learner = found.pipeline.learners["elbow"]
     assert learner.seen == seen
     assert (learner.background is not None) == bool(seen)
@@ -116,12 +116,12 @@ def test_a_calibrated_noise_is_not_learnt_over() -> None:
 def test_a_change_is_told_once_and_kept(caplog: pytest.LogCaptureFixture) -> None:
     """Another noise is a warning in the log and in the row, after what was told before."""
     found = robot()
-    noises = Noises(found, [ROW])
+    learning = Learning(found, [ROW])
     change = Change(0.2, 0.5, 50.0)
     learnt = Learnt("elbow", 10.0, found.pipeline.learners["elbow"], change)
     found.pipeline.learnt = lambda: [learnt, replace(learnt, change=None)]  # type: ignore[method-assign]
     with caplog.at_level(logging.INFO):
-        first, second = noises.rows()
+        first, second = learning.rows()
     text = "noise has changed from 0.2 to 0.5 m/s², most near 50 Hz"
     assert [record.getMessage() for record in caplog.records] == [f"elbow: {text}"]
     assert [told.text for told in first.changes] == ["noise learnt: 0.2 m/s²", text]

@@ -15,7 +15,7 @@ from lostmotion.detector.background import Background
 from lostmotion.detector.bar import Bar
 from lostmotion.detector.learner import Learner
 
-__all__ = ["Noises"]
+__all__ = ["Learning"]
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ FLANK_WINDOWS = 20
 """after so many more windows a law of the flanks is written again"""
 
 
-class Noises:
+class Learning:
     """What is learnt of each joint of a robot."""
 
     def __init__(self, robot: Robot, earlier: Iterable[NoiseRow], flanks: Iterable[FlankRow] = ()) -> None:
