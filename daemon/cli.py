@@ -68,21 +68,6 @@ def run(config: Path | None, duration: float | None) -> int:
     return service.run(configuration.load(config), duration_s=duration, reload=lambda: configuration.load(config))
 
 
-@cli.group("config")
-def config_group() -> None:
-    """Check a configuration."""
-
-
-@config_group.command("check")
-@click.argument("file", type=FILE)
-@as_json
-def config_check(file: Path, as_json: bool) -> None:
-    """Validate a configuration, and show what is in force for each joint."""
-    from lostmotion.daemon.commands.config_check import check
-
-    check(file, as_json)
-
-
 @cli.command(short_help="Check the devices, or find what is plugged in.")
 @config_file
 @click.option("--find", is_flag=True, help="Look for servos, sensors and buses instead; needs no configuration.")
@@ -226,6 +211,7 @@ def score(recording: Path, config: Path | None, joint: str | None, as_json: bool
 
 
 LATE = (
+    ("config", "daemon.commands.config_check:config_group", "Check a configuration."),
     ("alarms", "daemon.commands.alarms:alarms", "Alarms: list, watch, ack, shelve."),
     ("service", "daemon.commands.service:service", "The systemd service: install, uninstall."),
     ("fleet", "daemon.commands.fleet:fleet", "Query all robots on a network."),

@@ -6,21 +6,32 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import click
+
 from lostmotion.daemon import config as configuration
 from lostmotion.daemon.commands import output
+from lostmotion.daemon.commands.options import FILE, as_json
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.sockets import sockets
 
-__all__ = ["check"]
+__all__ = ["config_group"]
 
 
-def check(path: Path, as_json: bool) -> None:
-    """Prints a summary.  Raises ConfigError."""
-    config = configuration.load(path)
+@click.group("config")
+def config_group() -> None:
+    """Check a configuration."""
+
+
+@config_group.command()
+@click.argument("file", type=FILE)
+@as_json
+def check(file: Path, as_json: bool) -> None:
+    """Validate a configuration, and show what is in force for each joint."""
+    config = configuration.load(file)
     if as_json:
         output.print_json(_document(config))
     else:
-        _print(path, config)
+        _print(file, config)
 
 
 def _document(config: Config) -> dict[str, Any]:
