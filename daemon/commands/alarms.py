@@ -17,7 +17,7 @@ import msgspec
 
 from lostmotion.daemon import documents, requests, times
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.commands.options import as_json, config_file, database, duration, joint, positive
+from lostmotion.daemon.commands.options import as_json, combined, config_file, database, duration, joint, positive
 from lostmotion.daemon.commands.where import find_database, open_joint, open_reader
 from lostmotion.daemon.reader import ReaderError, open_readonly
 from lostmotion.daemon.records import AlarmRow, Cause, Request, Severity, Transition, Verb
@@ -51,9 +51,6 @@ class DefaultList(click.Group):
 @click.group(cls=DefaultList)
 def alarms() -> None:
     """Alarms: list them, watch them, acknowledge or shelve them.  Without a subcommand: list."""
-
-
-cause = click.option("--cause", type=click.Choice(["play", "device"]), help="Only this alarm of the joint.")
 
 
 @alarms.command("list", short_help="Alarms that are active or not acknowledged.")
@@ -114,37 +111,29 @@ def _file(path: Path) -> int:
         return 0
 
 
+cause = click.option("--cause", type=click.Choice(["play", "device"]), help="Only this alarm of the joint.")
+about_joint = combined(joint, cause, config_file, database, as_json)
+
+
 @alarms.command("ack")
-@joint
-@cause
-@config_file
-@database
-@as_json
+@about_joint
 def alarms_ack(**given: Any) -> int:
     """Acknowledge the joint's alarms.  Exit status 1 if there is none."""
     return _change(Verb.ACK, **given)
 
 
 @alarms.command("shelve")
-@joint
 @click.option(
     "--for", "for_s", default="8h", show_default=True, callback=seconds, metavar="TIME", help="30min, 8h, 2d."
 )
-@cause
-@config_file
-@database
-@as_json
+@about_joint
 def alarms_shelve(**given: Any) -> int:
     """Suppress the joint's alarms for a time, such as during work.  Exit status 1 if there is none."""
     return _change(Verb.SHELVE, **given)
 
 
 @alarms.command("unshelve")
-@joint
-@cause
-@config_file
-@database
-@as_json
+@about_joint
 def alarms_unshelve(**given: Any) -> int:
     """End shelving early.  Exit status 1 if nothing is shelved."""
     return _change(Verb.UNSHELVE, **given)

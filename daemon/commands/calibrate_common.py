@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,20 @@ import click
 
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.completion import joints
-from lostmotion.daemon.commands.options import FILE, config_file, damping, resonance
+from lostmotion.daemon.commands.options import FILE, combined, config_file, damping, resonance
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.toml_text import toml_value
 
 __all__ = ["CalibrationError", "about_settings", "lines_of", "recordings", "report", "toml_out"]
 
 recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
+about_settings = combined(
+    click.option("--worn", type=FILE, multiple=True, metavar="REC", help="Of a joint with play; again for more."),
+    config_file,
+    click.option("--joint", metavar="NAME", help="The joint whose settings count.", shell_complete=joints),
+    resonance,
+    damping,
+)
 toml_out = click.option(
     "-o", "--output", "target", type=FILE, metavar="FILE", help="Write the lines to a new file as well."
 )
@@ -25,20 +32,6 @@ toml_out = click.option(
 
 class CalibrationError(LostmotionError):
     """The recordings do not determine the result."""
-
-
-def about_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """The options of worn recordings, and those that choose the settings."""
-    options = (
-        click.option("--worn", type=FILE, multiple=True, metavar="REC", help="Of a joint with play; again for more."),
-        config_file,
-        click.option("--joint", metavar="NAME", help="The joint whose settings count.", shell_complete=joints),
-        resonance,
-        damping,
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
 
 
 def lines_of(values: Mapping[str, Any], comment: str, inline: str = "") -> list[str]:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import partial
 from typing import Annotated, Any
 
 import click
@@ -17,7 +16,17 @@ from msgspec import Meta, Struct
 from lostmotion.daemon import documents, times
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.fleet_ask import Fleet, FleetReply, ask
-from lostmotion.daemon.commands.options import FILE, as_json, config_file, positive, since, trend_level, trend_of, until
+from lostmotion.daemon.commands.options import (
+    FILE,
+    as_json,
+    combined,
+    config_file,
+    positive,
+    since,
+    trend_level,
+    trend_of,
+    until,
+)
 from lostmotion.daemon.commands.trend import (
     COLUMNS,
     RADIANS,
@@ -93,9 +102,18 @@ def fleet() -> None:
     """
 
 
-def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., Any]:
+def whom(timeout_s: float = 2.0) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """The options that choose the robots."""
-    for option in (
+    return combined(
+        click.option(
+            "--connect",
+            multiple=True,
+            metavar="ENDPOINT",
+            help="A router or robot, such as tcp/10.0.0.1:7447; may be given more than once.",
+        ),
+        click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
+        config_file,
+        click.option("--robots", metavar="A,B", help="Robots that must answer, in addition to those that are alive."),
         click.option(
             "--timeout",
             type=float,
@@ -105,22 +123,11 @@ def whom(command: Callable[..., Any], timeout_s: float = 2.0) -> Callable[..., A
             metavar="S",
             help="Seconds to wait for answers.",
         ),
-        click.option("--robots", metavar="A,B", help="Robots that must answer, in addition to those that are alive."),
-        config_file,
-        click.option("--zenoh", type=FILE, metavar="FILE", help="Zenoh's own configuration (JSON5): TLS and the like."),
-        click.option(
-            "--connect",
-            multiple=True,
-            metavar="ENDPOINT",
-            help="A router or robot, such as tcp/10.0.0.1:7447; may be given more than once.",
-        ),
-    ):
-        command = option(command)
-    return command
+    )
 
 
 @fleet.command()
-@whom
+@whom()
 @as_json
 def status(as_json: bool, **given: Any) -> int:
     """Joints, their health and active alarms, of all robots."""
@@ -133,7 +140,7 @@ def status(as_json: bool, **given: Any) -> int:
 
 
 @fleet.command()
-@whom
+@whom()
 @as_json
 def alarms(as_json: bool, **given: Any) -> int:
     """Active alarms of all robots."""
@@ -157,7 +164,7 @@ def alarms(as_json: bool, **given: Any) -> int:
     metavar="N",
     help="The newest N of each robot.",
 )
-@whom
+@whom()
 @as_json
 def history(joint: str, since: datetime | None, until: datetime | None, limit: int, as_json: bool, **given: Any) -> int:
     """Scores of one joint, of all robots that have it."""
@@ -175,7 +182,7 @@ def history(joint: str, since: datetime | None, until: datetime | None, limit: i
 @until
 @trend_of
 @trend_level
-@partial(whom, timeout_s=TREND_S)
+@whom(timeout_s=TREND_S)
 @as_json
 def trend(
     joint: str,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,6 +16,7 @@ __all__ = [
     "FILE",
     "as_json",
     "column",
+    "combined",
     "config_file",
     "damping",
     "database",
@@ -28,6 +31,20 @@ __all__ = [
     "trend_of",
     "until",
 ]
+
+
+Command = Callable[..., Any]
+
+
+def combined(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Arguments and options as one decorator, in this order."""
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
 def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
