@@ -12,8 +12,8 @@ from lostmotion.model.base import Base
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.effects.registry import rank
 from lostmotion.model.kernel import Kernel
-from lostmotion.model.rk4 import IntArray, Plan
-from lostmotion.model.signals import SIGNALS, TIME
+from lostmotion.model.rk4 import FloatArray, IntArray, Plan
+from lostmotion.model.signals import DRIVEN, SIGNALS, TIME
 from lostmotion.model.solve import SPEED
 
 __all__ = ["LAYER", "assemble", "in_order", "scope"]
@@ -49,31 +49,30 @@ def scope(values: Mapping[str, float], effect: Effect | None = None) -> dict[str
     return seen
 
 
-def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> Plan:
-    """The tables of solve.Plan for a base with effects (in_order), as without an input."""
+def assemble(base: Base, effects: Sequence[Effect], values: Mapping[str, float]) -> tuple[Plan, Plan]:
+    """The tables of rk4.Plan for a base with effects (in_order), without and with an input."""
     tables = _tables(base, tuple(effects))
-    start = tables.plan.start.copy()
+    start = tables.start.copy()
     for signal, preset in base.presets.items():
         start[signal] = values[preset] if isinstance(preset, str) else preset
     speed = base.states[SPEED].signal
     every = (effect.sign_width(scope(values, effect), speed) for effect in effects if effect.sign_width)
     widths = [width for width in every if width > 0]
-    return tables.plan._replace(
-        p=np.array([*(values[name] for name in tables.names), 0.0]),
-        preset_values=start[tables.reset],
-        start=start,
-        layer=LAYER * max(widths, default=0.0),
-        sharpest=min(widths, default=0.0),
-    )
+    p, layer = [values[name] for name in tables.names], [LAYER * max(widths, default=0.0), min(widths, default=0.0)]
+    free = np.array([*p, 0.0, *start[tables.reset], *start, *layer])
+    driven = free.copy()
+    driven[tables.plan.start_at + DRIVEN] = 1.0
+    return tables.plan._replace(constants=free), tables.plan._replace(constants=driven)
 
 
 @dataclass(frozen=True)
 class _Tables:
-    """What does not depend on values: a plan without them, the parameters' names in its order, and which signals are
-    set again in each evaluation."""
+    """What does not depend on values: a plan without them, the parameters' names in its order, the signals to begin
+    with, and which signals are set again in each evaluation."""
 
     plan: Plan
     names: tuple[str, ...]
+    start: FloatArray
     reset: list[int]
 
 
@@ -84,7 +83,6 @@ def _tables(base: Base, effects: tuple[Effect, ...]) -> _Tables:
     own = sum(len(effect.states) for effect in effects)
     given = {*base.presets, *states, *(signal for signal, _ in base.input_signals)}
     targets = [step.target for step in steps]
-    start = np.zeros(SIGNALS + own)
     reset = [signal for signal in base.presets if signal in targets]
     rates = [state.rate for state in base.states]
     needed = [i for i, step in enumerate(steps) if step.has_states or step.target in rates]
@@ -93,7 +91,6 @@ def _tables(base: Base, effects: tuple[Effect, ...]) -> _Tables:
         addresses=np.array([step.kernel.address for step in steps], dtype=np.uint64),
         targets=_table(targets),
         fresh=_table([t not in given and t not in targets[:i] for i, t in enumerate(targets)]),
-        p=np.zeros(sum(lengths) + 1),
         p_at=_table(np.cumsum([0, *lengths[:-1]])),
         x_at=_table([SIGNALS + step.states_at for step in steps]),
         dx_at=_table([len(states) + step.states_at for step in steps]),
@@ -103,14 +100,12 @@ def _tables(base: Base, effects: tuple[Effect, ...]) -> _Tables:
         input_signals=_table([signal for signal, _ in base.input_signals]),
         input_orders=_table([order for _, order in base.input_signals]),
         presets=_table(reset),
-        preset_values=start[reset],
-        start=start,
         time=TIME,
         watch=base.watched,
-        layer=0.0,
-        sharpest=0.0,
+        constants=np.empty(0),
+        start_at=sum(lengths) + 1 + len(reset),
     )
-    return _Tables(plan, tuple(name for step in steps for name in step.names), reset)
+    return _Tables(plan, tuple(name for step in steps for name in step.names), np.zeros(SIGNALS + own), reset)
 
 
 def _base_steps(base: Base, effects: Sequence[Effect]) -> Iterator[_Step]:

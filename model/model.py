@@ -24,8 +24,8 @@ from lostmotion.model.observer import ObserverRun, observer_input
 from lostmotion.model.parameter import Parameter
 from lostmotion.model.pieces import Pieces, cut
 from lostmotion.model.rk4 import Plan
-from lostmotion.model.run import Run
-from lostmotion.model.signals import DRIVEN, READING
+from lostmotion.model.run import Run, from_first, records
+from lostmotion.model.signals import READING
 from lostmotion.model.solve import solve, start_signals
 from lostmotion.model.trajectory import Trajectory
 
@@ -106,10 +106,7 @@ class Model:
 
     @cached_property
     def _plans(self) -> tuple[Plan, Plan]:
-        free = assemble(self._base, self._in_order, self._values)
-        driven = free.start.copy()
-        driven[DRIVEN] = 1.0
-        return free, free._replace(start=driven)
+        return assemble(self._base, self._in_order, self._values)
 
     def initial_state(self, drive: Motion | None = None, time: float = 0.0, **given: float) -> FloatArray:
         """The state (n,) that moves along with the drive at that time: bar bent by it, lags settled, gap centred.
@@ -171,16 +168,15 @@ class Model:
         outputs: names of signals.  clock_zero: when sensor and host showed the same time [s]; a start state then
         belongs to the first time that either of them needs.  Raises ModelError for a motion that is not finite.
         """
-        signals = [self._base.outputs[name] for name in outputs]
+        signals = tuple(self._base.outputs[name] for name in outputs)
         rate = self._clock_rate
         felt = times if rate == 1 else clock_zero + (times - clock_zero) / rate
         asked = [felt if signal == READING else times for signal in signals]
         every = asked[0] if all(one is asked[0] for one in asked) else np.union1d(times, felt)
         picks = None if every is asked[0] else np.array([np.searchsorted(every, one) for one in asked])
-        origin = float(every[0])
-        pieces = cut(drive, origin, max(float(every[-1]) - origin, 1e-3), self._delay)
-        records = np.array(signals, dtype=np.int64)
-        return Run(self.plan(drive is not None), pieces, every - origin, origin, records, (self._delay, rate), picks)
+        origin, grid = from_first(every.tobytes())
+        pieces = cut(drive, origin, max(float(grid[-1]), 1e-3), self._delay)
+        return Run(self.plan(drive is not None), pieces, grid, origin, records(signals), (self._delay, rate), picks)
 
     def observer(self, drive: Motion | None, times: FloatArray, output: str, clock_zero: float) -> ObserverRun:
         """Ready to be run along a measurement of one output at these times, corrected by it; clock_zero as above."""
@@ -190,13 +186,13 @@ class Model:
         knots, coefficients, at = observer_input(drive, origin, felt - origin, self._delay)
         return ObserverRun(self.plan(drive is not None), knots, coefficients, at, origin, signal)
 
-    @property
+    @cached_property
     def _clock_rate(self) -> float:
         return math.prod(
             effect.clock_rate(scope(self._values, effect)) for effect in self._in_order if effect.clock_rate
         )
 
-    @property
+    @cached_property
     def _delay(self) -> float:
         return sum(effect.delay(scope(self._values, effect)) for effect in self._in_order if effect.delay)
 

@@ -31,23 +31,25 @@ ORDERS = 6
 
 
 class Plan(NamedTuple):
-    """A model as tables, T terms, n states of which the first are the base's.
+    """A model as tables, T terms, n states of which the first are the base's, S signals.
 
     addresses, targets: (T,) in causal order; fresh: (T,) 1 where the term is the first on its target, which it then
-    sets instead of adding to it; p, p_at: parameters of all terms and where each begins; x_at, dx_at: where the term's
-    states begin in the signals and in the states; live: how many terms the derivatives need, the others wait for an
-    output; state_at: (n,) where each state stands among the signals; rate_signals: the signals that are the derivatives
-    of base states; input_signals, input_orders: which signals carry the input (order 0) and its derivative (1) before
-    any term; presets: signals that terms add to without one that sets them, with their value; start: (S,) signals to
-    begin with, those of the model, then the effects' own states; time, watch: the signals that hold the time, and whose
-    largest magnitude is reported; layer: the speed up to which steps are halved, 0 without dry friction; sharpest: the
-    least width of its change of sign.
+    sets instead of adding to it; p_at: where the parameters of each term begin; x_at, dx_at: where the term's states
+    begin in the signals and in the states; live: how many terms the derivatives need, the others wait for an output;
+    state_at: (n,) where each state stands among the signals; rate_signals: the signals that are the derivatives of base
+    states; input_signals, input_orders: which signals carry the input (order 0) and its derivative (1) before any term;
+    presets: signals that terms add to without one that sets them; time, watch: the signals that hold the time, and
+    whose largest magnitude is reported.
+
+    constants: what models with the same terms differ in, one after the other: the parameters of all terms; the values
+    of presets; (S,) signals to begin with, those of the model, then the effects' own states, from ``start_at`` on; the
+    speed up to which steps are halved, 0 without dry friction (layer); the least width of its change of sign
+    (sharpest).
     """
 
     addresses: NDArray[np.uint64]
     targets: IntArray
     fresh: IntArray
-    p: FloatArray
     p_at: IntArray
     x_at: IntArray
     dx_at: IntArray
@@ -57,24 +59,17 @@ class Plan(NamedTuple):
     input_signals: IntArray
     input_orders: IntArray
     presets: IntArray
-    preset_values: FloatArray
-    start: FloatArray
     time: int
     watch: int
-    layer: float
-    sharpest: float
+    constants: FloatArray
+    start_at: int
 
 
 class Values(NamedTuple):
-    """What differs between lanes beside their states, one row for each number: p, preset_values, start, layer and
-    sharpest of ``Plan``, (rows x LANES,), and the origin of their times [s]; numbers: of the input's polynomial in an
-    interval, 6 for one that all lanes share, else 6 x LANES."""
+    """What differs between lanes beside their states: constants of ``Plan``, (rows x LANES,), and the origin of their
+    times [s]; numbers: of the input's polynomial in an interval, 6 for one that all lanes share, else 6 x LANES."""
 
-    p: FloatArray
-    preset_values: FloatArray
-    start: FloatArray
-    layer: FloatArray
-    sharpest: FloatArray
+    constants: FloatArray
     origin: FloatArray
     numbers: int
 
@@ -136,15 +131,7 @@ class Work(NamedTuple):
 def beside(plans: Sequence[Plan], origins: Sequence[float], numbers: int = ORDERS) -> Values:
     """The values of up to ``LANES`` plans with the same terms, and the origins of their times [s]; one alone is that of
     all lanes, and the last one also that of the lanes that are left."""
-    return Values(
-        p=in_lanes([plan.p for plan in plans]),
-        preset_values=in_lanes([plan.preset_values for plan in plans]),
-        start=in_lanes([plan.start for plan in plans]),
-        layer=in_lanes([plan.layer for plan in plans]),
-        sharpest=in_lanes([plan.sharpest for plan in plans]),
-        origin=in_lanes(origins),
-        numbers=numbers,
-    )
+    return Values(in_lanes([plan.constants for plan in plans]), in_lanes(origins), numbers)
 
 
 def in_lanes(every: Sequence[FloatArray | float]) -> FloatArray:
@@ -161,19 +148,22 @@ def work_for(plan: Plan, values: Values, starts: FloatArray) -> Work:
     at = np.minimum(np.arange(LANES), len(starts) - 1)
     x = starts[at].T.ravel()
     states, slopes, rows = (np.zeros((count, rows * LANES)) for count, rows in ((2, n), (5, n + 1), (8, 1)))
-    return Work(values.start.copy(), x, *states, *slopes, *rows)
+    signals = values.constants[plan.start_at * LANES : -2 * LANES].copy()
+    return Work(signals, x, *states, *slopes, *rows)
 
 
 @jitted
 def terms(plan: Plan, values: Values) -> Any:
     """The ``Terms`` of a plan with these values."""
+    constants, last = address(values.constants, 0), values.constants.size - LANES
+    preset_values = offset(constants, (plan.start_at - plan.presets.size) * LANES)
     return Terms(
-        address(plan.addresses, 0), address(plan.targets, 0), address(plan.fresh, 0), address(values.p, 0),
+        address(plan.addresses, 0), address(plan.targets, 0), address(plan.fresh, 0), constants,
         address(plan.p_at, 0), address(plan.x_at, 0), address(plan.dx_at, 0), plan.live, plan.targets.size,
         address(plan.state_at, 0), plan.state_at.size, address(plan.rate_signals, 0), plan.rate_signals.size,
         address(plan.input_signals, 0), address(plan.input_orders, 0), plan.input_signals.size,
-        address(plan.presets, 0), address(values.preset_values, 0), plan.presets.size, plan.time * LANES,
-        plan.watch * LANES, address(values.layer, 0), address(values.sharpest, 0),
+        address(plan.presets, 0), preset_values, plan.presets.size, plan.time * LANES,
+        plan.watch * LANES, offset(constants, last - LANES), offset(constants, last),
         address(values.origin, 0), values.numbers,
     )  # fmt: skip
 

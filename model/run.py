@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from lostmotion.model.pieces import Pieces, are_alike
 from lostmotion.model.rk4 import IntArray, Plan
 from lostmotion.model.solve import solve
 
-__all__ = ["Run", "run_beside", "run_each"]
+__all__ = ["Run", "from_first", "records", "run_beside", "run_each"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,23 +44,38 @@ class Run:
         if self.timing != other.timing:  # by less than the rounding of times, where a derivative is taken by them
             return False
         return (
-            np.array_equal(self.records, other.records)
+            self.records is other.records
             and are_alike(self.pieces.knots, other.pieces.knots)
             and are_alike(self.grid, other.grid)
         )
+
+
+@lru_cache(maxsize=256)  # a fit asks for the same times and outputs thousands of times
+def from_first(times: bytes) -> tuple[float, FloatArray]:
+    """The first of times (N,), given as bytes, and all times from there on."""
+    every = np.frombuffer(times)
+    return float(every[0]), every - every[0]
+
+
+@lru_cache(maxsize=256)
+def records(signals: tuple[int, ...]) -> IntArray:
+    """The numbers of signals, always the same array."""
+    return np.array(signals, dtype=np.int64)
 
 
 def run_each(runs: Sequence[Run | None], starts: FloatArray, substep_s: float) -> list[FloatArray | None]:
     """The outputs (outputs, N) of each run from its state, starts (K, n); None stays None.  Runs that go beside each
     other are computed together."""
     found: list[FloatArray | None] = [None] * len(runs)
-    left = {i: run for i, run in enumerate(runs) if run is not None}
+    left = {id(run): run for run in runs if run is not None}
     while left:
         first = next(iter(left.values()))
-        beside = {i: run for i, run in left.items() if run.goes_beside(first)}
-        for i, out in zip(beside, run_beside([*beside.values()], starts[[*beside]], substep_s), strict=True):
+        beside = {key for key, run in left.items() if run.goes_beside(first)}
+        at = [i for i, run in enumerate(runs) if id(run) in beside]
+        which = [run for i in at if (run := runs[i]) is not None]
+        for i, out in zip(at, run_beside(which, starts[at], substep_s), strict=True):
             found[i] = out
-        left = {i: run for i, run in left.items() if i not in beside}
+        left = {key: run for key, run in left.items() if key not in beside}
     return found
 
 

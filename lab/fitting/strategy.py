@@ -20,7 +20,7 @@ from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.observer.filter import can_follow, states_at
 from lostmotion.lab.observer.global_search import search_parameters
 from lostmotion.lab.shooting.continuation import Level, are_missed, fitted, merged
-from lostmotion.lab.shooting.initial_state import find_start, polished, repaired, ringing_hz, segment_of
+from lostmotion.lab.shooting.initial_state import find_start, repaired, ringing_hz, segment_of, with_best_starts
 from lostmotion.lab.shooting.parameters import Unknowns, free_names
 from lostmotion.lab.shooting.segment import Segment, residuals
 from lostmotion.lab.shooting.task import Task, coarse_substep
@@ -111,17 +111,14 @@ def with_initial_states(
     """The segments of these pieces with estimated initial states: from a guess, or from a scan where there is none or
     where the model misses the segment with it."""
     segments = [segment_of(model, piece, task.noise) for piece in pieces]
-    found = [_near(model, s, guesses.get((s.experiment.name, float(s.experiment.time[0]))), task) for s in segments]
+    states = [guesses.get((piece.name, float(piece.time[0]))) for piece in pieces]
+    known = {i: found for i, found in enumerate(states) if found is not None}
+    near = with_best_starts(model, [segments[i] for i in known], [*known.values()], task.substep_s, POLISHED)
+    begun = dict(zip(known, near, strict=True))
+    found = [begun.get(i) or find_start(model, segment, task.substep_s) for i, segment in enumerate(segments)]
     missed = are_missed(model, found, task.substep_s) if guesses else np.zeros(len(found), dtype=bool)
     return tuple(find_start(model, s, task.substep_s, [s.start]) if out else s
                  for s, out in zip(found, missed, strict=True))  # fmt: skip
-
-
-def _near(model: Model, segment: Segment, guesses: FloatArray | None, task: Task) -> Segment:
-    if guesses is None:
-        return find_start(model, segment, task.substep_s)
-    own = segment.experiment.model(model)
-    return segment.starting(polished(own, segment, guesses, task.substep_s, POLISHED)[0])
 
 
 def first_fit(model: Model, task: Task, pool: Executor) -> Level:

@@ -22,7 +22,7 @@ from lostmotion.lab.fitting.fit import rms_by_column
 from lostmotion.lab.fitting.strategy import observed_states, with_initial_states
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.shooting.continuation import merged, tiles
-from lostmotion.lab.shooting.initial_state import polished, repaired
+from lostmotion.lab.shooting.initial_state import repaired, with_best_starts
 from lostmotion.lab.shooting.segment import Segment, residuals, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
@@ -128,8 +128,9 @@ class Unseen:
         lost = [i for i, other in enumerate(best) if validation.errors[i] > policy.LOST * other.errors[i]]
         if not lost:
             return validation
-        for i in lost:
-            segments[i] = _polished(model, segments[i], _state_of(model, best[i].segments[i], best[i].model), step)
+        also = [_state_of(model, best[i].segments[i], best[i].model) for i in lost]
+        for i, anew in zip(lost, _polished(model, [segments[i] for i in lost], also, step), strict=True):
+            segments[i] = anew
         return Validation(model, tuple(residuals(model, segments, step)), tuple(segments))
 
 
@@ -140,7 +141,7 @@ def _validated_on(unseen: Unseen, model: Model, *others: Validation) -> Validati
     whole, task, horizon_s = unseen.experiment, unseen.task, unseen.horizon_s
     step, halvings = task.substep_s, task.halvings
     for other in others:
-        near = [_segment_with(model, segment, other.model, step) for segment in other.segments]
+        near = _segments_with(model, other, step)
         validation = Validation(model, tuple(residuals(model, near, step)), tuple(near))
         if np.all(validation.errors < policy.LOST):
             return validation
@@ -151,15 +152,18 @@ def _validated_on(unseen: Unseen, model: Model, *others: Validation) -> Validati
         halvings -= 1
         segments = repaired(model, merged(segments, [whole], halvings), step)
         also = [guesses.get((whole.name, float(segment.experiment.time[0]))) for segment in segments]
-        segments = tuple(_polished(model, segment, state, step) for segment, state in zip(segments, also, strict=True))
+        segments = tuple(_polished(model, segments, also, step))
     return Validation(model, tuple(residuals(model, segments, step)), tuple(segments))
 
 
-def _segment_with(model: Model, there: Segment, other: Model, substep_s: float) -> Segment:
-    """The segment of another model, with an initial state for this model that is fitted from that of the other one."""
-    state = _state_of(model, there, other)
-    segment = replace(there, scale=state_scales(model, there.experiment), start=state[0])
-    return _polished(model, segment, None, substep_s)
+def _segments_with(model: Model, other: Validation, substep_s: float) -> list[Segment]:
+    """The segments of another model, with initial states for this model that are fitted from those of the other one."""
+    states = [_state_of(model, there, other.model)[0] for there in other.segments]
+    segments = [
+        replace(there, scale=state_scales(model, there.experiment), start=state)
+        for there, state in zip(other.segments, states, strict=True)
+    ]
+    return _polished(model, segments, [None] * len(segments), substep_s)
 
 
 def _state_of(model: Model, there: Segment, other: Model) -> FloatArray:
@@ -167,8 +171,13 @@ def _state_of(model: Model, there: Segment, other: Model) -> FloatArray:
     return start_with(there.experiment.model(model), there, other.state_names)[None]
 
 
-def _polished(model: Model, segment: Segment, also: FloatArray | None, substep_s: float) -> Segment:
-    """The segment with the best initial state that a few steps from its own and from other guesses (K, n) lead to."""
-    own = segment.experiment.model(model)
-    states = segment.start[None] if also is None else np.vstack([segment.start, also])
-    return segment.starting(polished(own, segment, states, substep_s, POLISHED)[0])
+def _polished(
+    model: Model, segments: Sequence[Segment], also: Sequence[FloatArray | None], substep_s: float
+) -> list[Segment]:
+    """The segments with the best initial states that a few steps from their own and from other guesses (K, n), or none,
+    lead to."""
+    states = [
+        segment.start[None] if more is None else np.vstack([segment.start, more])
+        for segment, more in zip(segments, also, strict=True)
+    ]
+    return with_best_starts(model, segments, states, substep_s, POLISHED)

@@ -8,7 +8,7 @@ which follows by least squares.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -20,8 +20,9 @@ from lostmotion.lab.shooting.least_squares import robust
 from lostmotion.lab.shooting.segment import STEP, Segment, in_motion, state_scales
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
+from lostmotion.model.run import run_each
 
-__all__ = ["FINE", "find_start", "polished", "repaired", "ringing_hz", "segment_of"]
+__all__ = ["FINE", "find_start", "repaired", "ringing_hz", "segment_of", "with_best_starts"]
 
 SCAN_S = 0.1
 LAST = 2
@@ -75,22 +76,54 @@ def find_start(
     """
     own = segment.experiment.model(model)
     if model.base != "play":
-        found = polished(own, segment, np.array([_measured_state(own, segment), *also]), substep_s, 6)
-        return segment.starting(found[0])
+        return with_best_starts(model, [segment], [np.array([_measured_state(own, segment), *also])], substep_s, 6)[0]
     states = np.array([*_scan(own, _first(segment, SCAN_S), substep_s, effort), *also])
     for length, kept, iterations in effort.stages:
         if length < segment.experiment.duration:
-            states = polished(own, _first(segment, length), states, substep_s, iterations)[:kept]
-    return segment.starting(polished(own, segment, states, substep_s, LAST)[0])
+            (states,) = polished_each(model, [_first(segment, length)], [states], substep_s, iterations)
+            states = states[:kept]
+    return with_best_starts(model, [segment], [states], substep_s, LAST)[0]
 
 
-def polished(model: Model, segment: Segment, states: FloatArray, substep_s: float, iterations: int) -> FloatArray:
-    """The initial states (K, n) after some Levenberg-Marquardt steps of all of them at once, the one with the least
-    robust cost first; model: with the values of the recording."""
+def with_best_starts(
+    model: Model, segments: Sequence[Segment], states: Sequence[FloatArray], substep_s: float, iterations: int
+) -> list[Segment]:
+    """The segments with the best initial states that some steps from these (K_i, n) lead to; see ``polished_each``."""
+    found = polished_each(model, segments, states, substep_s, iterations)
+    return [segment.starting(best[0]) for segment, best in zip(segments, found, strict=True)]
+
+
+def polished_each(
+    model: Model, segments: Sequence[Segment], states: Sequence[FloatArray], substep_s: float, iterations: int
+) -> list[FloatArray]:
+    """The initial states (K_i, n) of each segment after some Levenberg-Marquardt steps of all of them at once, the one
+    with the least robust cost first; those of all segments are simulated side by side."""
+    runs = [segment.prepared(segment.experiment.model(model)) for segment in segments]
+    found = list(states)
+    under_way = {i: _polishing(segment, states[i], iterations) for i, segment in enumerate(segments)}
+    asked = {i: next(steps) for i, steps in under_way.items()}
+    while asked:
+        each = [i for i, wanted in asked.items() for _ in wanted]
+        outputs = iter(run_each([runs[i] for i in each], np.concatenate([*asked.values()]), substep_s))
+        answers = {i: [next(outputs) for _ in wanted] for i, wanted in asked.items()}
+        asked = {}
+        for i, out in answers.items():
+            try:
+                asked[i] = under_way[i].send(segments[i].residuals_of(out))
+            except StopIteration as end:
+                found[i] = end.value
+    return found
+
+
+def _polishing(
+    segment: Segment, states: FloatArray, iterations: int
+) -> Generator[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """The steps of ``polished_each``: yields the states (K, n) of which it needs the residuals (K, M), and returns the
+    result."""
     K, n = states.shape
     states = states.copy()
     steps = STEP * np.diag(segment.scale)
-    r = segment.residuals(model, states, substep_s)
+    r = yield states
     finite = np.isfinite(r[:, 0])
     if not finite.any():
         return states
@@ -99,18 +132,13 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
     slopes = np.empty((K, n, r.shape[1]))
     for i in range(iterations + MORE):
         if i % RENEWED == 0:
-            moved = (states[:, None] + steps[None]).reshape(K * n, n)
+            there = yield (states[:, None] + steps[None]).reshape(K * n, n)
             with np.errstate(invalid="ignore"):  # a simulation that fails has infinite errors
-                slopes = (segment.residuals(model, moved, substep_s).reshape(K, n, -1) - r[:, None]) / STEP
+                slopes = (there.reshape(K, n, -1) - r[:, None]) / STEP
             slopes[~np.isfinite(slopes)] = 0.0
-        w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
-        weighted = slopes * w[:, None]
-        H = weighted @ slopes.transpose(0, 2, 1)
-        H[:, range(n), range(n)] = H[:, range(n), range(n)] * (1 + damping[:, None]) + 1e-3
-        g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
-        step = -np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0)
+        step = _damped_step(slopes, r, huber, damping)
         trial = states + step * segment.scale
-        there = segment.residuals(model, trial, substep_s)
+        there = yield trial
         if (i + 1) % RENEWED:
             slopes += _secant(slopes, step, r, there)
         new = robust(there, huber)
@@ -118,6 +146,17 @@ def polished(model: Model, segment: Segment, states: FloatArray, substep_s: floa
         states[better], r[better], cost[better] = trial[better], there[better], new[better]
         damping = np.where(better, damping / 10, damping * 10)
     return np.asarray(states[np.argsort(cost)])
+
+
+def _damped_step(slopes: FloatArray, r: FloatArray, huber: float, damping: FloatArray) -> FloatArray:
+    """The damped Gauss-Newton steps (K, n) for residuals r (K, M), their derivatives (K, n, M) and dampings (K,)."""
+    n = slopes.shape[1]
+    w = 1 / np.maximum(1.0, np.abs(np.where(np.isfinite(r), r, 1.0)) / huber)
+    weighted = slopes * w[:, None]
+    H = weighted @ slopes.transpose(0, 2, 1)
+    H[:, range(n), range(n)] = H[:, range(n), range(n)] * (1 + damping[:, None]) + 1e-3
+    g = (weighted @ np.where(np.isfinite(r), r, 0.0)[:, :, None])[:, :, 0]
+    return np.asarray(-np.clip(np.linalg.solve(H, g[:, :, None])[:, :, 0], -1.0, 1.0))
 
 
 def _secant(slopes: FloatArray, step: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:

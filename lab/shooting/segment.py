@@ -109,8 +109,15 @@ class Segment:
         every = modelled.reshape(len(modelled), -1)
         with np.errstate(over="ignore", invalid="ignore"):
             r = (values - (every if seen is None else every[:, seen])) * weights
-        r[~np.isfinite(r).all(axis=1)] = np.inf
+            lost = ~np.isfinite(r.sum(axis=1))
+        if lost.any():
+            r[lost & ~np.isfinite(r).all(axis=1)] = np.inf
         return r
+
+    def residuals_of(self, outputs: Sequence[FloatArray | None]) -> FloatArray:
+        """The residuals (K, M) of outputs (columns, N) of K runs, infinite where there is none; see ``residual``."""
+        failed = np.full((len(self.experiment.measured), self.experiment.time.size), np.nan)
+        return self.compared(np.array([failed if out is None else out for out in outputs]))
 
     def impossible(self, count: int) -> FloatArray:
         """The residuals (count, M) of motions that cannot be simulated: infinite."""
@@ -136,7 +143,7 @@ class Segment:
         moved = self.start + np.vstack([np.zeros(self.start.size), np.diag(by * self.scale)])
         runs = [self.prepared(own(at))] * len(moved) + [self.prepared(own(there)) for there, _ in around]
         starts = np.vstack([moved, np.tile(self.start, (len(around), 1))])
-        r, *others = _compared([self] * len(runs), runs, starts, substep_s)
+        r, *others = self.residuals_of(run_each(runs, starts, substep_s))
         steps = [by] * self.start.size + [step for _, step in around]
         slopes = ((np.array(others) - r) / np.array(steps)[:, None]).T
         return Linearised(r, slopes[:, self.start.size :], slopes[:, : self.start.size])

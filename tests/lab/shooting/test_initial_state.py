@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.shooting.initial_state import find_start, polished, ringing_hz, segment_of
+from lostmotion.lab.shooting.initial_state import find_start, ringing_hz, segment_of, with_best_starts
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
@@ -51,17 +52,32 @@ def test_derivatives_are_corrected_by_secants(monkeypatch: pytest.MonkeyPatch) -
     experiment, true = begun_in_motion(1)
     model = build_model("play", values=GEARS)
     segment, simulated = segment_of(model, experiment, {"accel": NOISE}), 0
-    whole = Segment.residuals
+    whole = Segment.residuals_of
 
-    def counted(self: Segment, model: Model, starts: FloatArray, substep_s: float) -> FloatArray:
+    def counted(self: Segment, outputs: Sequence[FloatArray | None]) -> FloatArray:
         nonlocal simulated
-        simulated += len(starts)
-        return whole(self, model, starts, substep_s)
+        simulated += len(outputs)
+        return whole(self, outputs)
 
-    monkeypatch.setattr(Segment, "residuals", counted)
-    found = polished(model, segment, (true + 0.01 * segment.scale)[None], SUBSTEP, 6)
+    monkeypatch.setattr(Segment, "residuals_of", counted)
+    (found,) = with_best_starts(model, [segment], [(true + 0.01 * segment.scale)[None]], SUBSTEP, 6)
     assert simulated == 1 + 8 + 2 * 4
-    assert rms(model, segment.starting(found[0])) == pytest.approx(1.0, abs=0.1)
+    assert rms(model, found) == pytest.approx(1.0, abs=0.1)
+
+
+def test_segments_side_by_side_begin_as_each_does_alone() -> None:
+    """Of two recordings, each with guesses of its own; one of the segments cannot be simulated from its guess."""
+    model, segments, states = build_model("play", values=GEARS), [], []
+    for seed, guesses in ((1, 1), (2, 3)):
+        experiment, true = begun_in_motion(seed)
+        segment = segment_of(model, experiment, {"accel": NOISE})
+        segments += [segment, segment]
+        states += [true + 0.01 * k * np.outer(np.arange(1, guesses + 1), segment.scale) for k in (1, 2)]
+    states[1] = np.full((1, 4), 1e30)
+    found = with_best_starts(model, segments, states, SUBSTEP, 3)
+    for segment, guess, together in zip(segments, states, found, strict=True):
+        (alone,) = with_best_starts(model, [segment], [guess], SUBSTEP, 3)
+        assert np.abs((together.start - alone.start) / segment.scale).max() < 1e-6
 
 
 def test_start_is_better_than_following_the_command() -> None:
