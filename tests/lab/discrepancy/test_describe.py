@@ -48,8 +48,9 @@ def heard(length: float = LENGTH, **hidden: float) -> Finding:
 
 @pytest.mark.slow
 def test_a_spring_that_is_softer_on_one_side() -> None:
-    """A force on the bar that follows its deflection, about as its square."""
-    found = heard(0.3, **{"quadratic_spring.k2": 0.25 * 2600.0 / 0.25e-3})
+    """A force on the bar that follows its deflection, about as its square.  Of 0.3 s the observers, which settle within
+    0.2 s, predict too little: one of four first fits led to the formula."""
+    found = heard(**{"quadratic_spring.k2": 0.25 * 2600.0 / 0.25e-3})
     assert (found.acts_on, found.depends_on) == ("oscillator", ("q",))
     assert found.formula is not None
     assert found.formula.endswith("q²")
