@@ -32,9 +32,13 @@ SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 BLOCKS = 20
 """Number of parts of the recordings that count as independent.  With twelve, as in the search, a delay of 0.8 ms was
 found in a simulated joint that has none, and the inertia at a screw was 4.7e-4 instead of 2.7e-3 kg m²."""
-LONGEST, DELAYS = 0.25, 41
+LONGEST, DELAYS, STEP = 0.25, 41, 0.002
 """Longest delay that is tried, in periods of the end of the band, as a torque beyond a quarter of a period leads
-instead of following; and the number of delays that are tried."""
+instead of following; the number of delays that are tried; and the delay of a derivative, in the same periods."""
+OWN_SHARE = 1e-3
+"""Least share of the power of what a delay changes that inertia, friction and weight do not imitate.  It is 6e-5 in
+a motor under a sine, where only what the filter leaves of harmonics distinguishes them, and 0.007 to 0.4 in seven
+measured motors and joints whose delays are significant."""
 log = logging.getLogger(__name__)
 
 
@@ -220,6 +224,17 @@ class _UsualJoint:
         deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()
         return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs)
 
+    def own_share(self, delay_s: float) -> float:
+        """The share of the power of what a change of this delay [s] does to the torque that no regressor imitates."""
+        step = STEP / max(one.band_hz for one in self.signals)
+        before, after = (
+            np.concatenate([one.filtered(one.delayed(delay_s + by).torque) for one in self.signals])
+            for by in (-step, step)
+        )
+        change = after - before
+        own = change - self.regressors @ (self.inverse @ (self.regressors.T @ change))
+        return float(own @ own) / max(float(change @ change), 1e-300)
+
 
 def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
     """How much later than recorded the torque acts [s], and the fit with this delay.  It is negative where the torque
@@ -229,8 +244,8 @@ def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
     d, and its quadrature part, -J (2 pi f)² d per unit of speed, hides friction or imitates it.  A delay is a property
     of the recording and not an effect of the machine.  It is an input delay (Ljung 1999, section 10.3), estimated once
     by profile least squares.  As for an effect, it must be significant by the errors of blocks and take a large enough
-    share of the error; it must also lie inside of the range that was tried.  Only an inertia identifies it: in a
-    sinusoid a torque in phase with the speed is friction.
+    share of the error; it must also lie inside of the range that was tried.  Only an inertia identifies it, and only
+    with several frequencies: in a sinusoid a torque in phase with the speed is friction, one out of phase inertia.
     """
     now, most = usual.fit(), LONGEST / max(one.band_hz for one in usual.signals)
     delays = np.linspace(-most, most, DELAYS)
@@ -245,7 +260,8 @@ def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
         and now.inertia > 0
         and max(best.relative_deviation, now.relative_deviation) < policy.INERTIA_IDENTIFIED
     )
-    if at in (0, DELAYS - 1) or not (is_better and is_inertia):
+    is_inside = 0 < at < DELAYS - 1
+    if not (is_inside and is_better and is_inertia and usual.own_share(float(delays[at])) > OWN_SHARE):
         return 0.0, now
     left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum
     return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right)), best
