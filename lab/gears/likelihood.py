@@ -216,7 +216,7 @@ class ShortSegments:
         errors = np.array([[np.sqrt(np.mean(r**2)) for r in each] for each in parts])
         is_followed = errors.max(axis=0) < policy.MISSED * np.median(errors)
         sizes = np.array([r.size for r in parts[0]])
-        return fits[int(np.argmin(np.sum(errors**2 * sizes * is_followed, axis=1)))]
+        return fits[int(np.argmin((errors[:, is_followed] ** 2) @ sizes[is_followed]))]
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
         """The fit of the model without one of its effects, from the initial states of the fit with it.  It is grown to

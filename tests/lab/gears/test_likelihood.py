@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from lostmotion.lab.data.experiment import experiments
@@ -14,6 +17,19 @@ from lostmotion.lab.gears.unseen import Unseen
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.simulated_gears import GEARS, gears
+
+
+def test_a_segment_that_one_fit_cannot_simulate_does_not_choose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its error is infinite there; on the segments that both fits follow the other one is better."""
+
+    def fit(*errors: float) -> Any:
+        parts = tuple(np.full(8, error) for error in errors)
+        return SimpleNamespace(model=None, level=SimpleNamespace(segments=()), unseen=SimpleNamespace(parts=parts))
+
+    monkeypatch.setattr("lostmotion.lab.gears.likelihood.residuals", lambda model, segments, substep_s: [])
+    fits, asked = [fit(2.0, 2.0, np.inf), fit(1.0, 1.0, 1.0)], SimpleNamespace(task=SimpleNamespace(substep_s=1e-3))
+    with np.errstate(all="raise"):
+        assert ShortSegments._with_least_error(asked, fits) is fits[1]  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
