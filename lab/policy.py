@@ -104,6 +104,10 @@ BAND_AS_WELL, INERTIA_IDENTIFIED = 3.0, 0.1
 at which the inertia counts as identified.  For an arm that vibrated at 18 Hz, not caused by its torque, this
 deviation was 60 times smaller with a band to 10 Hz (J = 0.0635 kg m²) than with one to 80 Hz (0.0073), for a cart 57
 times.  In ten other sets that identify the inertia the widest band was within a factor of 1.8 of the best."""
+DELAY_SHARE = 1e-3
+"""Least share of the power of what a delay of the torque changes that inertia, friction and weight do not imitate.  It
+is 6e-5 in a motor under a sine, where only what the filter leaves of harmonics distinguishes them, and 0.007 to 0.4 in
+seven measured motors and joints whose delays are significant."""
 UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
 """A part is at rest below this share of its usual speed, or below so many standard deviations of the speed's noise, but
 never above this share of the usual speed: there dry friction may have any value up to its largest.  A robot's joint

@@ -35,10 +35,6 @@ found in a simulated joint that has none, and the inertia at a screw was 4.7e-4 
 LONGEST, DELAYS, STEP = 0.25, 41, 0.002
 """Longest delay that is tried, in periods of the end of the band, as a torque beyond a quarter of a period leads
 instead of following; the number of delays that are tried; and the delay of a derivative, in the same periods."""
-OWN_SHARE = 1e-3
-"""Least share of the power of what a delay changes that inertia, friction and weight do not imitate.  It is 6e-5 in
-a motor under a sine, where only what the filter leaves of harmonics distinguishes them, and 0.007 to 0.4 in seven
-measured motors and joints whose delays are significant."""
 log = logging.getLogger(__name__)
 
 
@@ -261,7 +257,7 @@ def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
         and max(best.relative_deviation, now.relative_deviation) < policy.INERTIA_IDENTIFIED
     )
     is_inside = 0 < at < DELAYS - 1
-    if not (is_inside and is_better and is_inertia and usual.own_share(float(delays[at])) > OWN_SHARE):
+    if not (is_inside and is_better and is_inertia and usual.own_share(float(delays[at])) > policy.DELAY_SHARE):
         return 0.0, now
     left, here, right = errors[at - 1 : at + 2]  # the parabola's minimum
     return float(delays[at] + (delays[1] - delays[0]) * 0.5 * (left - right) / (left - 2 * here + right)), best
