@@ -98,8 +98,11 @@ def open_can(
 
 def kernel_interfaces(folder: Path = NET) -> list[str]:
     """The names of the CAN interfaces that the kernel knows."""
-    types = folder.glob("*/type")
-    return sorted(path.parent.name for path in types if path.read_text().strip() == ARPHRD_CAN)
+    found = []
+    for path in sorted(folder.glob("*/type")):
+        with suppress(OSError):  # it was unplugged meanwhile
+            found += [path.parent.name] if path.read_text().strip() == ARPHRD_CAN else []
+    return found
 
 
 class SlcanBus:

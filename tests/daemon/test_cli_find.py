@@ -190,6 +190,7 @@ def test_what_the_kernel_knows(tmp_path: Path) -> None:
     (tmp_path / "net" / "can7" / "flags").write_text("0x80\n")
     (tmp_path / "net" / "eth0").mkdir()
     (tmp_path / "net" / "eth0" / "type").write_text("1\n")
+    (tmp_path / "net" / "can8" / "type").mkdir(parents=True)  # cannot be read, as of an adapter that is just unplugged
     (can,) = can_interfaces(tmp_path / "net")
     assert (can.name, can.up) == ("can7", False)
     assert "ip link set can7 up" in can.error
