@@ -157,9 +157,9 @@ class Regression:
         one of G blocks of samples each (delete-a-group jackknife: CR3 of Bell and McCaffrey 2002).
 
         V = (G - 1)/G sum_g d_g d_g', with d_g = -(A - A_g)^-1 J_g' r_g, A = sum_g A_g, A_g = J_g' J_g.  is_lasting:
-        whether disturbances acted on a simulated motion, whose response lasts longer than the correlation of the
-        residual tells: that of a swing crosses zero after a quarter of a period, but amplitude and phase remain off.
-        There are ``policy.LASTING_BLOCKS`` then, else the blocks are those of the tests.  A parameter that ended at a
+        whether disturbances acted on a simulated motion.  Its response lasts longer than the correlation time of the
+        residual: that of a swing crosses zero after a quarter of a period, but amplitude and phase remain off.  There
+        are ``policy.LASTING_BLOCKS`` then, else the blocks are those of the tests.  A parameter that ended at a
         bound is given for all others, and what was estimated before the fit counts as fitted.  Errors: d_g is of
         first order.
         """
@@ -174,7 +174,7 @@ class Regression:
         """The covariance CR3 of z (P, P) for these blocks (M,); see ``interval``."""
         jacobian, size = self._scaled_jacobian(given, self.data.estimated_before)
         values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
-        known = values > UNIDENTIFIED * values[-1]
+        known = values > UNIDENTIFIED * values.max(initial=0.0)
         root = vectors[:, known] / np.sqrt(values[known])
         columns, many, spread = jacobian @ root, int(blocks.max()) + 1, np.zeros((known.sum(), known.sum()))
         for g in range(many):

@@ -176,3 +176,16 @@ def test_fit_and_compare_say_whether_only_noise_is_left(tmp_path: Path) -> None:
         arguments[0] = str(tmp_path / "out.toml")
         compared = json.loads(CliRunner().invoke(cli, ["lab", "compare", *arguments]).stdout)
         assert (compared["error"]["after"] < 1.1e-3, compared["complete"]) == (complete, complete)
+
+
+def test_a_model_of_which_all_is_known_has_an_error_and_no_intervals(tmp_path: Path) -> None:
+    """A recorded torque and an inertia that is a little wrong."""
+    time = np.arange(0, 4, 0.01)
+    angle = 0.2 * np.cos(5 * time) + 0.1 * np.cos(11 * time)
+    torque = -0.02 * (5 * np.cos(5 * time) + 12.1 * np.cos(11 * time))
+    write_recording(Recording(time, {"position": angle, "torque": torque}), tmp_path / "rec1.csv")
+    known = "J = { value = 0.021, fixed = true }\nbias = { value = 0.0, fixed = true }\n"
+    (tmp_path / "model.toml").write_text(f'base = "joint"\n[parameters]\n{known}')
+    document = json.loads(run("fit", tmp_path, "-o", tmp_path / "out.toml", "--json").stdout)
+    assert document["parameters"] == {}
+    assert document["error"]["after"] == pytest.approx(0.05 * np.std(torque), rel=0.1)
