@@ -27,7 +27,7 @@ __all__ = ["ANSWER_S", "LONGEST_S", "RequestError", "ask", "do", "resume", "sett
 ANSWER_S = 10.0
 """how long the service may take for a request; it looks every second [s]"""
 LONGEST_S = 366 * 86400.0
-"""what should be silent for longer should leave the configuration [s]"""
+"""for how long an alarm may be shelved [s]; a joint to be silent for longer should leave the configuration"""
 BUSY_S = 5.0
 LOOK_S = 0.2
 """how often the answer of a service is looked for [s]"""

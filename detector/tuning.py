@@ -30,7 +30,7 @@ LEAST_WINDOWS = 50
 FALSE_ALARM = 0.1
 """Detection is averaged over false-alarm rates from 0 to this one; smaller ones need more windows."""
 SWAY_HZ = 1.0
-"""The motion of which the needed acceleration is told."""
+"""Frequency of the sway for which the needed acceleration is reported."""
 CLEARLY = 0.01
 """Least gain in the share found for other settings than the usual ones."""
 MIDDLING = 0.6

@@ -105,7 +105,7 @@ at which the inertia counts as identified.  For an arm that vibrated at 18 Hz, n
 deviation was 60 times smaller with a band to 10 Hz (J = 0.0635 kg m²) than with one to 80 Hz (0.0073), for a cart 57
 times.  In ten other sets that identify the inertia the widest band was within a factor of 1.8 of the best."""
 DELAY_SHARE = 1e-3
-"""Least share of the power of what a delay of the torque changes that inertia, friction and weight do not imitate.  It
+"""Least share of the power of the torque's derivative by a delay that inertia, friction and weight do not explain.  It
 is 6e-5 in a motor under a sine, where only what the filter leaves of harmonics distinguishes them, and 0.007 to 0.4 in
 seven measured motors and joints whose delays are significant."""
 UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25

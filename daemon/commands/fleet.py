@@ -42,7 +42,7 @@ from lostmotion.drivers.units import ARC_MINUTES
 __all__ = ["fleet"]
 
 TREND_S = 20.0
-"""two million scores take a small computer that long"""
+"""the default of --timeout for a trend: a small computer needs that long for two million scores [s]"""
 
 Moment = Annotated[datetime, Meta(tz=True)]
 

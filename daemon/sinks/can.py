@@ -97,7 +97,7 @@ class CanSink:
                     self._begin(bus)
                     pause = FIRST_RETRY_S
                     self._serve(bus)
-            except (*FAULTS, MemoryError) as error:  # by no memory, too, the thread must not end
+            except (*FAULTS, MemoryError) as error:  # the thread goes on after a lack of memory, too
                 self._log_problem(NO_MEMORY if isinstance(error, MemoryError) else str(error) or type(error).__name__)
             self._closing.wait(pause)
             pause = min(2 * pause, LAST_RETRY_S)

@@ -21,7 +21,7 @@ __all__ = [
 ]
 
 NMT, SYNC, EMCY, TPDO1, RPDO1, TPDO2, HEARTBEAT = 0x000, 0x080, 0x080, 0x180, 0x200, 0x280, 0x700
-"""The predefined connection set; but for NMT and SYNC the number of the node is added."""
+"""The predefined connection set; the number of the node is added to all but NMT and SYNC."""
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 """States as a heartbeat tells them."""
 NODE_IDS = range(1, 128)

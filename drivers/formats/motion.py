@@ -112,7 +112,7 @@ def _swings(values: FloatArray) -> bool:
 
 
 def crossings(values: FloatArray) -> int:
-    """How often numbers cross their middle."""
+    """How often numbers cross their median."""
     return int(np.count_nonzero(np.diff(np.sign(values - np.median(values))))) if values.size else 0
 
 

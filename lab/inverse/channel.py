@@ -221,7 +221,7 @@ class _UsualJoint:
         return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs)
 
     def own_share(self, delay_s: float) -> float:
-        """The share of the power of what a change of this delay [s] does to the torque that no regressor imitates."""
+        """The share of the power of the torque's derivative by the delay [s] that the regressors do not explain."""
         step = STEP / max(one.band_hz for one in self.signals)
         before, after = (
             np.concatenate([one.filtered(one.delayed(delay_s + by).torque) for one in self.signals])

@@ -192,7 +192,7 @@ class OutputError(Problem):
 
     @property
     def most_beside(self) -> int:
-        """One for a servo, as the integration step of each model beside the first is that of the first."""
+        """One for a servo: its step follows its stiffness, and models side by side have the step of the first."""
         return 1 if self.prior_centre.base == "servo" else LANES
 
     def suited(self, models: Sequence[Model]) -> Self:

@@ -86,7 +86,7 @@ class Problem(ABC):
 
     @property
     def most_beside(self) -> int:
-        """The largest number of models with different effects' sizes whose residuals are computed at once."""
+        """The largest number of models with other sizes of an effect whose residuals may be computed at once."""
         return LANES
 
     @property
