@@ -92,9 +92,7 @@ class Segment:
     def residuals(self, model: Model, starts: FloatArray, substep_s: float) -> FloatArray:
         """The residuals (K, M) from several initial states (K, n); see ``residual``."""
         run = self.prepared(model)
-        if run is None:
-            return self.impossible(len(starts))
-        return self.compared(run(starts, substep_s))
+        return self.residuals_of([None] * len(starts) if run is None else run(starts, substep_s))
 
     def prepared(self, model: Model) -> Run | None:
         """The run of a model over the segment; None where its motion is not finite."""
@@ -103,25 +101,18 @@ class Segment:
             return model.prepare(e.drive, e.time, tuple(e.measured), e.clock_zero)
         return None
 
-    def compared(self, modelled: FloatArray) -> FloatArray:
-        """The residuals (K, M) of the outputs (K, columns, N) of runs."""
+    def residuals_of(self, outputs: FloatArray | Sequence[FloatArray | None]) -> FloatArray:
+        """The residuals (K, M) of the outputs (columns, N) of K runs, infinite where there are none; see
+        ``residual``."""
         values, weights, seen = self._targets
-        every = modelled.reshape(len(modelled), -1)
+        failed = np.full((len(self.experiment.measured), self.experiment.time.size), np.nan)
+        every = np.array([failed if out is None else out for out in outputs]).reshape(len(outputs), -1)
         with np.errstate(over="ignore", invalid="ignore"):
             r = (values - (every if seen is None else every[:, seen])) * weights
             lost = ~np.isfinite(r.sum(axis=1))
         if lost.any():
             r[lost & ~np.isfinite(r).all(axis=1)] = np.inf
-        return r
-
-    def residuals_of(self, outputs: Sequence[FloatArray | None]) -> FloatArray:
-        """The residuals (K, M) of outputs (columns, N) of K runs, infinite where there is none; see ``residual``."""
-        failed = np.full((len(self.experiment.measured), self.experiment.time.size), np.nan)
-        return self.compared(np.array([failed if out is None else out for out in outputs]))
-
-    def impossible(self, count: int) -> FloatArray:
-        """The residuals (count, M) of motions that cannot be simulated: infinite."""
-        return np.full((count, self._targets[0].size), np.inf)
+        return np.asarray(r)
 
     @cached_property
     def _targets(self) -> tuple[FloatArray, FloatArray, NDArray[np.bool_] | None]:
@@ -152,18 +143,8 @@ class Segment:
 def residuals(model: Model, segments: Sequence[Segment], substep_s: float) -> list[FloatArray]:
     """The residual of each segment (M_i,) from its initial state; see ``Segment.residual``."""
     runs = [one.prepared(one.experiment.model(model)) for one in segments]
-    return _compared(segments, runs, [one.start for one in segments], substep_s)
-
-
-def _compared(
-    segments: Sequence[Segment], runs: Sequence[Run | None], starts: Sequence[FloatArray] | FloatArray, substep_s: float
-) -> list[FloatArray]:
-    """The residual (M_i,) of a run over each segment, from a state (n,); infinite where it cannot be simulated."""
-    found = run_each(runs, np.asarray(starts), substep_s)
-    return [
-        one.impossible(1)[0] if out is None else one.compared(out[None])[0]
-        for one, out in zip(segments, found, strict=True)
-    ]
+    found = run_each(runs, np.array([one.start for one in segments]), substep_s)
+    return [one.residuals_of([out])[0] for one, out in zip(segments, found, strict=True)]
 
 
 def in_motion(model: Model, drive: Motion | None, time: float, **given: float) -> FloatArray:
