@@ -175,7 +175,7 @@ def _finding(guess: Guess, heights: Heights | None = None) -> Finding:
         return Finding(acts_on, guess.depends_on, f"{what} is missing; {follows}")
     degree = IMITATED.get((acts_on, guess.depends_on[0]), -1)
     curve = _curve(guess, heights, degree)
-    if len(curve.x) < LEAST_POINTS:
+    if len(curve.x) < LEAST_POINTS or not curve.mean.any():  # a fit without time leaves the heights at zero
         return _finding(guess)
     size = quantity(float(np.max(np.abs(curve.mean))), guess.unit, 2)
     formula = _formula(curve, degree)

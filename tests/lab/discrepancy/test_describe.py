@@ -131,3 +131,11 @@ def test_one_known_height_is_no_curve() -> None:
     known = _finding(guess, {name: (0.3 * at, 0.01) for name, at in zip(guess.heights, x, strict=True)})
     assert known.curve is not None
     assert known.formula == "0.3 omega_2"
+
+
+def test_heights_of_zero_are_no_curve() -> None:
+    """A fit that is cut short leaves the heights where they begin, at zero: nothing is drawn."""
+    x = np.linspace(-2.0, 2.0, 5)
+    guess = Guess(get_effect("viscous_friction"), "N m", ("omega_2",), x, np.ones(5, dtype=bool))
+    finding = _finding(guess, dict.fromkeys(guess.heights, (0.0, 0.01)))
+    assert (finding.depends_on, finding.curve, finding.formula) == (("omega_2",), None, None)
