@@ -32,9 +32,9 @@ SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 BLOCKS = 20
 """Number of parts of the recordings that count as independent.  With twelve, as in the search, a delay of 0.8 ms was
 found in a simulated joint that has none, and the inertia at a screw was 4.7e-4 instead of 2.7e-3 kg m²."""
-LONGEST, DELAYS, STEP = 0.25, 41, 0.002
+LONGEST, DELAYS = 0.25, 41
 """Longest delay that is tried, in periods of the end of the band, as a torque beyond a quarter of a period leads
-instead of following; the number of delays that are tried; and the delay of a derivative, in the same periods."""
+instead of following; and the number of delays that are tried."""
 log = logging.getLogger(__name__)
 
 
@@ -222,12 +222,7 @@ class _UsualJoint:
 
     def own_share(self, delay_s: float) -> float:
         """The share of the power of the torque's derivative by the delay [s] that the regressors do not explain."""
-        step = STEP / max(one.band_hz for one in self.signals)
-        before, after = (
-            np.concatenate([one.filtered(one.delayed(delay_s + by).torque) for one in self.signals])
-            for by in (-step, step)
-        )
-        change = after - before
+        change = np.concatenate([one.delayed(delay_s).torque_by_delay for one in self.signals])
         own = change - self.regressors @ (self.inverse @ (self.regressors.T @ change))
         return float(own @ own) / max(float(change @ change), 1e-300)
 

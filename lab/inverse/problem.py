@@ -201,9 +201,7 @@ class InverseModel(Problem):
         """
         if not any(one.is_delayed for one in self.signals):
             return super().estimated_before
-        steps = [(one, one.time[1] - one.time[0]) for one in self.signals]
-        parts = [one.filtered(one.delayed(step).torque - one.torque) / step for one, step in steps]
-        return self.whitened(np.concatenate(parts))[:, None]
+        return self.whitened(np.concatenate([one.torque_by_delay for one in self.signals]))[:, None]
 
     def coloured(self, misfit: FloatArray) -> Self:
         """The problem with the colour of this misfit (M,): the correlation of its neighbouring samples."""

@@ -170,6 +170,13 @@ class Signals:
         return replace(self, torque=np.asarray(make_interp_spline(self.time, self.torque, k=3)(at)))
 
     @property
+    def torque_by_delay(self) -> FloatArray:
+        """The derivative of the filtered torque by a delay of it [N m/s], at the samples that are compared (M,), from
+        a delay of one sample."""
+        step = float(self.time[1] - self.time[0])
+        return self.filtered(self.delayed(step).torque - self.torque) / step
+
+    @property
     def grid(self) -> NDArray[np.intp]:
         """The indices of all samples on the grid of those that are compared, also at rest and near the ends (K,)."""
         return np.arange(self.kept[0] % self._every, self.time.size, self._every)
