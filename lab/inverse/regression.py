@@ -6,10 +6,10 @@ Every fit of the search for missing effects is a ``Regression``, apart from thos
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,10 +165,7 @@ class Regression:
         """
         counts = self.data.counts
         blocks = numbered(counts, sum(counts) / policy.LASTING_BLOCKS) if is_lasting else self.block
-        bound = self.unknowns.at_bound(self.z)
-        own, inside = (np.diag(self._jackknifed(blocks, given)) for given in ((), bound))
-        variance = np.where(np.isin(self.unknowns.names, bound), own, inside)
-        return np.sqrt(np.maximum(variance, 0.0)), max(int(blocks.max()), 1)
+        return self._within_bounds(partial(self._jackknifed, blocks)), max(int(blocks.max()), 1)
 
     def _jackknifed(self, blocks: NDArray[np.intp], given: Sequence[str]) -> FloatArray:
         """The covariance CR3 of z (P, P) for these blocks (M,); see ``interval``."""
@@ -203,8 +200,15 @@ class Regression:
 
     def deviations_within_bounds(self, given: Sequence[str] = ()) -> FloatArray:
         """Standard deviations of z (P,), in which a parameter that ended at a bound is given for all others."""
+        return self._within_bounds(self.covariance, given)
+
+    def _within_bounds(
+        self, covariance: Callable[[Sequence[str]], FloatArray], given: Sequence[str] = ()
+    ) -> FloatArray:
+        """The same by this covariance, a function of the given parameters."""
         bound = self.unknowns.at_bound(self.z)
-        own, inside = (np.diag(self.covariance(known)) for known in (given, (*given, *bound)))
+        own = np.diag(covariance(given))
+        inside = np.diag(covariance((*given, *bound))) if bound else own
         return np.sqrt(np.maximum(np.where(np.isin(self.unknowns.names, bound), own, inside), 0.0))
 
 
