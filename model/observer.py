@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
-from lostmotion.model.lanes import LANES, VECTOR, address, batches, offset
+from lostmotion.model.kernel import OPTIONS, compiled, jitted
+from lostmotion.model.lanes import LANES, address, batches, offset
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.pieces import Pieces, are_alike, cut
 from lostmotion.model.rk4 import (
@@ -27,15 +27,13 @@ from lostmotion.model.rk4 import (
     Pointer,
     Values,
     Work,
+    advance,
     beside,
     in_lanes,
-    inputs,
-    load,
+    lanes_for,
     memory,
-    rates,
-    rk4,
-    rk4_of_one,
     run,
+    slopes_at,
     terms,
     work_for,
 )
@@ -166,14 +164,6 @@ def at_samples(pieces: Pieces, times: FloatArray) -> tuple[FloatArray, FloatArra
     return knots, moved
 
 
-@subroutine
-def _evaluate(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, end: int) -> None:
-    """k1 = f(x) at a knot, in the lanes 0 … end - 1."""
-    inputs(m, w, c, left, w.none, 0.0, w.none, 0, end)
-    load(m, w, x, k1, 0.0, w.none, 0, end)
-    rates(m, w, k1, 0, end)
-
-
 @jitted
 def _judge(
     m: Any, w: Any, reading: int, measured: float, counts: bool, rest: int,
@@ -210,13 +200,13 @@ def _corrected(
     most: (lanes,); losses: (lanes,) zeros.  Writes e, states and losses."""
     m, w, polynomials, count = terms(plan, values), memory(work), address(coefficients, 0), most.size
     o, x, y, k1, k4 = 0, w.x, w.y, w.k1, w.k4
-    end = 1 if count == 1 else (count + VECTOR - 1) // VECTOR * VECTOR
+    end = lanes_for(count)
     is_over = np.zeros(count, dtype=np.bool_)
     for interval in range(knots.size):
         c, left = offset(polynomials, m.numbers * interval), knots[interval]
         if o < at.size and at[o] == interval:
             if interval == 0:  # later, the signals are those at the end of the step before
-                _evaluate(m, w, c, left, x, k1, end)
+                slopes_at(m, w, c, left, x, k1, end)
             run(m, w, w.k, m.live, m.count, 0, end)
             _judge(m, w, reading, measured[o], o >= first, at.size - max(o, first), unit, far, most, losses, is_over)
             if is_over.all():
@@ -226,18 +216,13 @@ def _corrected(
                     x[at_state + k] += gain[at_state + k] * w.slope[k]
             _keep(w, x, o, e, states, is_over)
             o += 1
-            _evaluate(m, w, c, left, x, k1, end)
+            slopes_at(m, w, c, left, x, k1, end)
         if o == at.size:
             break
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
-            for k in range(end):
-                w.since[k], w.h[k] = step * h, h
-            if end == 1:
-                rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
-            else:
-                rk4(m, w, c, left, x, k1, k4, y, end)
+            advance(m, w, c, left, x, k1, k4, y, step, h, end)
             x, y = y, x
             k1, k4 = k4, k1
 

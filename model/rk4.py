@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.model.kernel import jitted, subroutine
-from lostmotion.model.lanes import LANES, address, call, lane, offset
+from lostmotion.model.lanes import LANES, VECTOR, address, call, lane, offset
 
 __all__ = [
-    "ORDERS", "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "beside", "in_lanes", "inputs",
-    "load", "memory", "rates", "rk4", "rk4_of_one", "run", "terms", "work_for",
+    "ORDERS", "FloatArray", "IntArray", "Plan", "Pointer", "Terms", "Values", "Work", "advance", "beside",
+    "in_lanes", "inputs", "lanes_for", "load", "memory", "rates", "rk4", "rk4_of_one", "run", "slopes_at", "terms",
+    "work_for",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -289,3 +290,31 @@ def rk4_of_one(
 ) -> None:
     """``_step`` of one lane, without loops."""
     _step(m, w, c, left, x, k1, k4, y, one, one + 1)
+
+
+@jitted
+def lanes_for(count: int) -> int:
+    """How many lanes are computed for so many runs: one, or a multiple of ``VECTOR``."""
+    return 1 if count == 1 else (count + VECTOR - 1) // VECTOR * VECTOR
+
+
+@subroutine
+def slopes_at(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, end: int) -> None:
+    """The signals and the slopes k1 = f(x) at a knot, in the lanes 0 … end - 1."""
+    inputs(m, w, c, left, w.none, 0.0, w.none, 0, end)
+    load(m, w, x, k1, 0.0, w.none, 0, end)
+    rates(m, w, k1, 0, end)
+
+
+@jitted
+def advance(
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, step: int, h: float,
+    end: int,
+) -> None:  # fmt: skip
+    """The step of this number after a knot, of the same length h [s] in the lanes 0 … end - 1; see ``_step``."""
+    for k in range(end):
+        w.since[k], w.h[k] = step * h, h
+    if end == 1:
+        rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
+    else:
+        rk4(m, w, c, left, x, k1, k4, y, end)

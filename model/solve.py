@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
-from lostmotion.model.lanes import LANES, VECTOR, address, batches, offset
+from lostmotion.model.lanes import LANES, address, batches, offset
 from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import (
     FloatArray,
@@ -29,14 +29,17 @@ from lostmotion.model.rk4 import (
     Pointer,
     Values,
     Work,
+    advance,
     beside,
     inputs,
+    lanes_for,
     load,
     memory,
     rates,
     rk4,
     rk4_of_one,
     run,
+    slopes_at,
     terms,
     work_for,
 )
@@ -253,11 +256,9 @@ def _integrate(
     or infinite when its states left the range of numbers.
     """
     m, w, parts, polynomials = terms(plan, values), memory(work), _part_pointers(steps_of), address(coefficients, 0)
-    end = 1 if count == 1 else (count + VECTOR - 1) // VECTOR * VECTOR
+    end = lanes_for(count)
     n, x, y, k1, k4 = m.states, w.x, w.y, w.k1, w.k4
-    inputs(m, w, polynomials, knots[0], w.none, 0.0, w.none, 0, end)
-    load(m, w, x, k1, 0.0, w.none, 0, end)
-    rates(m, w, k1, 0, end)
+    slopes_at(m, w, polynomials, knots[0], x, k1, end)
     peak, o = abs(w.s[m.watch]), 0
     while o < times.size and times[o] <= knots[0]:
         _keep(m, w, x, records, out, states, o, 0, end, count)
@@ -273,12 +274,7 @@ def _integrate(
                     at = SPEED * LANES + k
                     passes = passes or _passes(x[at], k1[at], h, m.layer[k])
             if not passes:
-                for k in range(end):
-                    w.since[k], w.h[k] = step * h, h
-                if end == 1:
-                    rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
-                else:
-                    rk4(m, w, c, left, x, k1, k4, y, end)
+                advance(m, w, c, left, x, k1, k4, y, step, h, end)
                 if not abs(w.s[m.watch]) <= peak:
                     peak = abs(w.s[m.watch])
                 between = False  # from then on s no longer shows the end of the step
