@@ -40,7 +40,8 @@ UNIDENTIFIED = 1e-9
 """Share of the largest eigenvalue of the information, below which a combination of parameters is not identified."""
 LEAST_OUTSIDE = 0.05
 """Least share of the information on a combination of parameters that the other blocks have, when one is left out: what
-a single block identifies, such as an initial state, is not zero without it."""
+a single block identifies, such as an initial state, is not zero without it.  With 0.01 and 0.2 the intervals of eight
+disturbed swings and eight driven masses (``bench.intervals``, seed 60) hold the same 37 of 40 sizes."""
 
 
 @dataclass(frozen=True, eq=False)
