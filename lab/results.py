@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -20,40 +21,29 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "Curve", "Displayed", "Errors", "Estimate", "Explanation", "Finding", "Fit",
-    "Ladder", "Ranked", "Rung", "Verdict", "Views", "display_with", "ladder_of",
+    "Ladder", "Ranked", "Rung", "Verdict", "ladder_of",
 ]  # fmt: skip
 
 Verdict = Literal["missing", "nothing_missing", "outside_catalogue"]
 
 
-@dataclass(frozen=True)
-class Views:
-    """How a notebook shows a result: as HTML, and as a figure of matplotlib."""
-
-    html: Callable[[Displayed], str]
-    plot: Callable[[Displayed], Any]
-
-
-_views: list[Views] = []
-
-
-def display_with(views: Views) -> None:
-    """Sets how notebooks show results.  The report calls this, as it is a layer above this module."""
-    _views[:] = [views]
-
-
 class Displayed:
-    """A result that a notebook shows; ``lostmotion.lab`` must have been imported."""
+    """A result that a notebook shows.  The report does that, a layer above this module, which is imported by its name
+    when a result is first shown."""
 
     __slots__ = ()
 
     def _repr_html_(self) -> str:
         """The verdict in sentences, and a table."""
-        return _views[0].html(self)
+        return str(_notebook().html(self))
 
     def plot(self) -> Any:
         """Measured and modelled over time, and the residual, as a ``matplotlib.figure.Figure``."""
-        return _views[0].plot(self)
+        return _notebook().plot(self)
+
+
+def _notebook() -> Any:
+    return import_module("lostmotion.lab.report.notebook")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from lostmotion.lab.quantity import quantities, scale, with_unit
 from lostmotion.lab.report import fitted, misfit, verdict
 from lostmotion.lab.report.tags import Html, cell, paragraphs, probability, table
 from lostmotion.lab.report.views import Trace, traces_of
-from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder, Rung, Views, display_with
+from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder, Rung
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,6 +76,3 @@ def _ranking(found: Explanation) -> Html:
         cells = [cell(with_unit(text, unit), css="number") for text in (before, after)]
         rows.append((cell(one.effect), *cells, cell(probability(one.p_value), css="number")))
     return table(("effect", "error without>", "with>", "p>"), rows)
-
-
-display_with(Views(html, plot))

@@ -41,6 +41,23 @@ def test_names_are_listed_before_they_are_imported() -> None:
     assert loaded == ""
 
 
+@pytest.mark.parametrize("shown", ["found._repr_html_()", "found.plot()"])
+def test_a_result_is_shown_in_a_fresh_interpreter(shown: str) -> None:
+    """A notebook imports the lab and shows a result, before anything has imported the report."""
+    script = f"""
+import numpy as np
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import build_model, compare, experiments
+time = np.arange(0.0, 2.0, 0.02)
+swing = Recording(time, {{"position": np.cos(5 * time)}})
+model = build_model("joint", ["gravity_torque"])
+found = compare(model, experiments(model, [swing]), is_described=False)
+assert {shown}
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_unknown_name() -> None:
     """A slip is an AttributeError, as of any module."""
     with pytest.raises(AttributeError, match="no attribute 'explian'"):
