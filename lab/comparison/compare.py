@@ -260,13 +260,18 @@ def _overlays(
 
 
 def _with_zero(model: Model, experiment: Experiment) -> Experiment:
-    """The experiment with its place counted from the zero of the model: as a fit does, which has one of its own for
-    each recording but the first."""
+    """The experiment with its place counted from the zero of the model, as a fit does, which has one of its own for
+    each recording but the first.  It stays as it is where that lowers no error: of a model in which nothing depends on
+    the place, any zero and the initial position cancel."""
     if ACCEL in experiment.measured:
         return experiment
     fixed, signals = held(model, free_names(model)), Signals.of(experiment)
-    data = replace(OutputError.of([signals], fixed), is_anchored=False)
-    (zero,) = data.zeros(fixed, regressed(fixed, data).nuisance)
+    data = OutputError.of([signals], fixed)
+    own = replace(data, is_anchored=False)
+    there, fit = regressed(fixed, data), regressed(fixed, own)
+    if there.rms <= fit.rms + data.accuracy:
+        return experiment
+    (zero,) = own.zeros(fixed, fit.nuisance)
     return signals.shifted(-zero).experiment
 
 

@@ -98,9 +98,14 @@ def traces(fit: Fit | None, comparison: Comparison | None = None, before: Fit | 
             there = ~np.isnan(measured)
             yield Trace(
                 experiment.name, column, experiment.time[there], measured[there], now[i][column][there],
-                noise.get(column, math.nan), then[i].trajectory[column][there] if then else None,
+                noise.get(column, math.nan), _beside(measured, then[i], column)[there] if then else None,
                 experiment.is_linear, experiment.drive_unit,
             )  # fmt: skip
+
+
+def _beside(measured: FloatArray, then: Prediction, column: str) -> FloatArray:
+    """The signal of another fit (N,), counted from the zero of these measured values: each fit has zeros of its own."""
+    return measured - (then.experiment.measured[column] - then.trajectory[column])
 
 
 def traces_of(found: Displayed) -> tuple[Trace, ...]:

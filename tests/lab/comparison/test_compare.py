@@ -265,3 +265,16 @@ def test_recordings_with_zeros_of_their_own(tmp_path: Path) -> None:
         found = json.loads(run(model, *recordings, "--json").stdout)
         assert found["error"]["after"] == pytest.approx(1e-3, rel=0.1)
         assert found["is_noise"]
+
+
+def test_a_place_on_which_nothing_depends_stays_as_it_was_recorded(tmp_path: Path) -> None:
+    """Without a weight or a spring any zero of the angle is cancelled by the initial angle: the measured angle is shown
+    as it is in the file."""
+    time = np.arange(0.0, 6.0, 0.02)
+    path, curves = tmp_path / "swing.csv", tmp_path / "curves.json"
+    swing = 0.8 * np.exp(-0.1 * time) * np.cos(5 * time)
+    write_recording(Recording(time, {"position": swing}), path)
+    done = CliRunner().invoke(command, ["joint", str(path), "--curves", str(curves)])
+    assert done.exit_code == 0, done.stderr
+    (curve,) = json.loads(curves.read_text())
+    assert np.interp(curve["time"], time, swing) == pytest.approx(np.array(curve["measured"]), abs=1e-3)
