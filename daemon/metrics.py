@@ -9,7 +9,10 @@ import logging
 import resource
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from threading import Event, Thread
 
 from lostmotion import __version__
 from lostmotion.daemon.database import DAMAGED
@@ -38,29 +41,48 @@ SEVERITY: tuple[tuple[str, str, Callable[[ScoreRow], float]], ...] = (
     ("severity_low_rad", "Lower end of its 95 % interval, 0 where there may be none", lambda row: row.severity_low),
     ("severity_high_rad", "Upper end of its 95 % interval", lambda row: row.severity_high),
 )
+RETRY_S = 2.0
+"""between two attempts to listen at an address that another program has [s]"""
 LOSSES = ("lost", "late", "broken", "silent", "overwritten")
 
 
 class Exporter:
     """Answers ``GET /metrics`` at an address, in a thread of its own, until it is closed.
 
-    counts: windows by joint, as the pipeline counts them.  An address that is in use is logged.
+    counts: windows by joint, as the pipeline counts them.  An address that is in use is logged, and tried again.
     """
 
     def __init__(self, listen: str, store: Store, counts: Mapping[str, Counts]) -> None:
-        self._server: MetricsServer | None = None
         address = host_and_port(listen)
         assert address is not None  # the configuration was checked
+        self._listen, self._closed = listen, Event()
+        self._open = partial(MetricsServer, *address, lambda: text(_all(store, counts)))
+        self._server: MetricsServer | None = None
+        self._thread: Thread | None = None
         try:
-            self._server = MetricsServer(*address, lambda: text(_all(store, counts)))
-            log.info("metrics: http://%s/metrics", listen)
+            self._serve()
         except OSError as error:
-            log.error("metrics: found %s not to be had (%s), expected a free address of this computer", listen, error)
+            log.error("metrics: cannot listen at %s (%s), expected a free address of this computer; trying again",
+                      listen, error)  # fmt: skip
+            self._thread = Thread(target=self._retry, name="metrics-retry", daemon=True)
+            self._thread.start()
 
     def close(self) -> None:
         """Gives the address back."""
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join()
         if self._server is not None:
             self._server.close()
+
+    def _serve(self) -> None:
+        self._server = self._open()
+        log.info("metrics: http://%s/metrics", self._listen)
+
+    def _retry(self) -> None:
+        while self._server is None and not self._closed.wait(RETRY_S):
+            with suppress(OSError):  # told once
+                self._serve()
 
 
 def _all(store: Store, counts: Mapping[str, Counts]) -> Iterator[Family]:

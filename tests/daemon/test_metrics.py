@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import re
 import signal
@@ -19,7 +20,7 @@ from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
 from lostmotion.daemon import config as configuration
-from lostmotion.daemon import metrics_http
+from lostmotion.daemon import metrics, metrics_http
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.metrics import Exporter
 from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
@@ -189,14 +190,22 @@ def test_each_request_gets_its_answer(served: int, request_line: bytes, status: 
     assert (b"lostmotion_store_writable 1.0" in body) == request_line.startswith(b"GET /metrics")
 
 
-def test_a_taken_address_is_told_and_nothing_else_happens(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """The log names the address; the service goes on without metrics."""
+def test_a_taken_address_is_told_and_had_once_it_is_free(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log names the address; the service goes on without metrics until the other program gives it back."""
+    caplog.set_level(logging.INFO)
+    monkeypatch.setattr(metrics, "RETRY_S", 0.05)
     store = Store(tmp_path / "history.db", "arm1")
     with socket.create_server(("127.0.0.1", 0)) as other:
-        listen = f"127.0.0.1:{other.getsockname()[1]}"
-        Exporter(listen, store, {}).close()
+        port = other.getsockname()[1]
+        exporter = Exporter(f"127.0.0.1:{port}", store, {})
+        Exporter(f"127.0.0.1:{port}", store, {}).close()  # also while it is taken
+    wait_until(lambda: "metrics: http://" in caplog.text)
+    assert value(scrape(port)["lostmotion_store_writable"]) == 1
+    exporter.close()
     store.close()
-    assert f"metrics: found {listen} not to be had" in caplog.text
+    assert f"metrics: cannot listen at 127.0.0.1:{port} (" in caplog.text
 
 
 @pytest.mark.parametrize("listen", ["9464", "robot:9464", "127.0.0.1:70000", "127.0.0.1", ""])
