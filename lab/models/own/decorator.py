@@ -110,7 +110,7 @@ def _effect(declared: Declared, arguments: Arguments, on: tuple[str, ...], built
     return OwnEffect(
         id=declared.name,
         equation=first or f"{declared.name}({', '.join(arguments.names)})",
-        summary=rest.strip().partition("\n")[0] or "an effect of the user's own",
+        summary=rest.strip().partition("\n")[0] or f"{declared.name.replace('_', ' ')}, an effect of the user's own",
         acts_on=where,
         parameters=declared.parameters,
         bases=on,

@@ -79,7 +79,7 @@ def test_an_effect_of_ones_own_that_was_found_is_told(folder: Path) -> None:
     assert found["missing"] == ["tight_spot"]
     assert found["names"]["tight_spot"] == "tight spot"
     assert found["names"].keys() >= {entry["effect"] for entry in found["ranking"]}
-    assert any("An effect of the user's own: tau_t = 0.6" in sentence for sentence in found["words"])
+    assert any("Tight spot, an effect of the user's own: tau_t = 0.6" in sentence for sentence in found["words"])
     assert '"tight_spot.py:tight_spot"' in (folder / "better.toml").read_text()
     curve = json.loads(path.read_text())[0]
     measured, modelled, before = (np.array(curve[name]) for name in ("measured", "modelled", "before"))
