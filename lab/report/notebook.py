@@ -18,6 +18,8 @@ __all__ = ["html", "plot"]
 
 WIDTH, HEIGHT = 8.0, 3.6
 """Size of the two plots of one column of one recording [inch]."""
+BESIDE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2, "frameon": False}
+"""Where a legend is: above its plot, on no curve."""
 
 
 def html(found: Displayed) -> str:
@@ -50,14 +52,15 @@ def _draw(trace: Trace, above: Any, below: Any) -> None:
     shown = scale(trace.unit, float(abs(trace.measured).max()))
     above.plot(trace.time, trace.measured * shown.factor, label="measured")
     above.plot(trace.time, trace.modelled * shown.factor, label="modelled", linewidth=1)
-    above.set(title=trace.title, ylabel=f"{trace.what} [{shown.unit}]", xticklabels=[])
-    above.legend(loc="upper right")
+    above.set_title(trace.title, loc="left")
+    above.set(ylabel=f"{trace.what} [{shown.unit}]", xticklabels=[])
+    above.legend(**BESIDE)
     if trace.before is not None:
         left = (trace.measured - trace.before) * shown.factor
         below.plot(trace.time, left, color="0.6", linewidth=1, label="without what was found")
     below.plot(trace.time, trace.residual * shown.factor, color="C4", linewidth=1, label="measured - modelled")
     below.set(xlabel="time [s]", ylabel=f"residual [{shown.unit}]")
-    below.legend(loc="upper right")
+    below.legend(**BESIDE)
 
 
 def _rungs(rungs: tuple[Rung, ...]) -> Html:

@@ -38,7 +38,7 @@ class Section:
 def cell(*parts: str, css: str = "") -> Html:
     """A cell of a table; all parts but the first are set small below it."""
     first, *rest = (part if isinstance(part, Html) else Html(escape(part)) for part in parts)
-    small = "".join(f"<small>{part}</small>" for part in rest if part)
+    small = "".join(f" <small>{part}</small>" for part in rest if part)
     opening = f'<td class="{css}">' if css else "<td>"
     return Html(f"{opening}{first}{small}</td>")
 

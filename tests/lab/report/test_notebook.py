@@ -52,6 +52,8 @@ def test_results_show_themselves(kind: str) -> None:
     assert len(figure.axes) == 2 * len(traces_of(found))
     picture = io.BytesIO()
     figure.savefig(picture, dpi=20)
+    for axis in figure.axes:  # no legend is on a curve
+        assert axis.get_legend().get_window_extent().y0 >= axis.get_window_extent().y1
     assert picture.getvalue().startswith(b"\x89PNG")
 
 
