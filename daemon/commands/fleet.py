@@ -41,6 +41,7 @@ from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = ["fleet"]
 
+NUMBERS = ("score", "level", "play", "severity")
 TREND_S = 20.0
 """the default of --timeout for a trend: a small computer needs that long for two million scores [s]"""
 
@@ -63,6 +64,8 @@ class _Joint(Struct, frozen=True):
     level: float | None
     last_window: Moment | None
     alarms: list[_Alarm]
+    play: float | None = None
+    severity: float | None = None
 
 
 class _Score(Struct, frozen=True):
@@ -72,6 +75,7 @@ class _Score(Struct, frozen=True):
     impact: bool
     play: float | None
     quality: str
+    severity: float | None = None
 
 
 class _Status(Struct, frozen=True):
@@ -134,9 +138,9 @@ def status(as_json: bool, **given: Any) -> int:
     reply = _checked(ask(Fleet.of(**given), "status"), _Status)
     if as_json:
         return _json(reply, {})
-    columns = ("robot", "joint", "health", "score", "level", "last window", "alarms")
+    columns = ("robot", "joint", "health", *NUMBERS, "last window", "alarms")
     rows = [_status_row(robot, joint) for robot, of in reply.documents for joint in of["joints"]]
-    return _table(reply, columns, rows, "no joint", right=("score", "level"))
+    return _table(reply, columns, rows, "no joint", right=NUMBERS)
 
 
 @fleet.command()
@@ -171,9 +175,9 @@ def history(joint: str, since: datetime | None, until: datetime | None, limit: i
     reply = _checked(ask(Fleet.of(**given), f"{joint}/history?{_query(since, until, limit=limit)}"), _History)
     if as_json:
         return _json(reply, {"joint": joint})
-    columns = ("robot", "time (UTC)", "score", "level", "impact", "play", "quality")
+    columns = ("robot", "time (UTC)", "score", "level", "impact", "play", "severity", "quality")
     rows = [_score_row(robot, score) for robot, of in reply.documents for score in of["scores"]]
-    return _table(reply, columns, rows, "no scores in that time", right=("score", "level"))
+    return _table(reply, columns, rows, "no scores in that time", right=NUMBERS)
 
 
 @fleet.command()
@@ -267,8 +271,7 @@ def _table(
 def _status_row(robot: str, joint: dict[str, Any]) -> list[str]:
     last = times.ago(datetime.fromisoformat(joint["last_window"]), datetime.now(UTC)) if joint["last_window"] else "-"
     alarms = ", ".join(f"{alarm['cause']} {alarm['severity']} ({alarm['state']})" for alarm in joint["alarms"])
-    numbers = [_number(joint["score"]), _number(joint["level"])]
-    return [robot, joint["name"], joint["health"], *numbers, last, alarms]
+    return [robot, joint["name"], joint["health"], *_numbers(joint), last, alarms]
 
 
 def _alarm_row(robot: str, alarm: dict[str, Any]) -> list[str]:
@@ -278,10 +281,11 @@ def _alarm_row(robot: str, alarm: dict[str, Any]) -> list[str]:
 
 def _score_row(robot: str, score: dict[str, Any]) -> list[str]:
     when = times.local(datetime.fromisoformat(score["time"]))
-    play = output.arcmin(math.nan if score["play"] is None else score["play"])
-    impact = "impact" if score["impact"] else ""
-    return [robot, when, _number(score["score"]), _number(score["level"]), impact, play, score["quality"]]
+    value, level, play, severity = _numbers(score)
+    return [robot, when, value, level, "impact" if score["impact"] else "", play, severity, score["quality"]]
 
 
-def _number(value: float | None) -> str:
-    return output.number(math.nan if value is None else value)
+def _numbers(of: dict[str, Any]) -> list[str]:
+    """The columns ``NUMBERS`` of a joint's status or of a score; robots of an earlier version have no severity."""
+    score, level, play, severity = (math.nan if of.get(key) is None else of[key] for key in NUMBERS)
+    return [output.number(score), output.number(level), output.arcmin(play), output.arcmin(severity)]

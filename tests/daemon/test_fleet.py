@@ -57,6 +57,15 @@ def test_status_of_all_robots(fleet: str) -> None:
     assert "play warning (active)" in result.stdout
 
 
+@pytest.mark.parametrize("command", [["status"], ["history", "elbow", "--limit", "1"]])
+def test_tables_have_the_quantities_of_one_robot(fleet: str, command: list[str]) -> None:
+    """Score, level, play and severity, as ``lostmotion status`` and ``history`` print them: 1 mrad is 3.4'."""
+    head, _, row, *_ = call("fleet", *command, "--connect", fleet, "--timeout", "1").stdout.splitlines()
+    names = ("score", "level", "play", "severity")
+    assert [name for name in head.split() if name in names] == list(names)
+    assert [cell for cell in row.split() if cell in ("6.70", "4.00", "3.4'")] == ["6.70", "4.00", "3.4'", "3.4'"]
+
+
 BELL = "\x1b]0;taken over\x07"
 """what renames the window of a terminal that obeys it"""
 
