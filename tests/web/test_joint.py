@@ -82,6 +82,7 @@ def test_drag_zooms_click_shows_keys_move(filled: tuple[Site, datetime], look: O
     page = look(f"{filled[0].address}/joints/elbow")
     ready(page)
     expect(page.locator("#window-words")).to_contain_text("an impact")
+    expect(page.locator(".key li").first).to_have_text("trend")  # the lines that are not in the plot's own legend
     box = page.locator("#history .u-over").bounding_box()
     assert box is not None
     middle = box["y"] + box["height"] / 2
@@ -96,7 +97,7 @@ def test_drag_zooms_click_shows_keys_move(filled: tuple[Site, datetime], look: O
     page.locator("#hold").click()
     page.locator("#history .u-over").click(position={"x": 0.1 * box["width"], "y": 0.5 * box["height"]})
     expect(page.locator("#window-words")).to_contain_text("no impact")
-    expect(page.locator("#window-words")).to_contain_text("Held:")
+    expect(page.locator("#window-words")).to_contain_text("Compared with:")
     page.locator('input[name="of"][value="score"]').check()
     ready(page)
 

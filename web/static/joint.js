@@ -148,7 +148,7 @@ async function showWindow(time) {
   }
   const { picture, score } = state.shown;
   const told = score ? `score ${number(score.score)} (level ${number(score.level)}), quality ${score.quality}` : "its score is not kept any more";
-  words.textContent = `${new Date(picture.time).toLocaleString()}: ${picture.is_impact ? "an impact" : "no impact"}; ${told}; ${picture.seconds.length} samples at ${number(picture.rate_hz)} Hz.` + (state.held ? ` Held: ${new Date(state.held.picture.time).toLocaleString()}.` : "");
+  words.textContent = `${new Date(picture.time).toLocaleString()}: ${picture.is_impact ? "an impact" : "no impact"}; ${told}; ${picture.seconds.length} samples at ${number(picture.rate_hz)} Hz.` + (state.held ? ` Compared with: ${new Date(state.held.picture.time).toLocaleString()}.` : "");
   const link = document.getElementById("download");
   link.href = `${api}/window?time=${encodeURIComponent(picture.time)}&format=csv`;
   link.hidden = false;
@@ -190,7 +190,7 @@ function drawWindow() {
 
 document.getElementById("hold").addEventListener("click", (event) => {
   state.held = state.held ? null : state.shown;
-  event.target.textContent = state.held ? "Let the held one go" : "Hold it, and lay the next over it";
+  event.target.textContent = state.held ? "End the comparison" : "Keep it for comparison";
   drawWindow();
 });
 
