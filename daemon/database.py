@@ -33,6 +33,7 @@ __all__ = [
     "explain",
     "file_identity",
     "is_damage",
+    "is_full",
     "is_held",
     "is_lock_of",
     "leave",
@@ -190,7 +191,7 @@ def open_database(path: Path) -> sqlite3.Connection:
 def refusal(path: Path, error: Exception) -> StoreError:
     """SQLite's error as one of ours."""
     name = getattr(error, "sqlite_errorname", "")
-    if name.startswith("SQLITE_CANTOPEN") and _is_full(path.parent):  # SQLite does not report why
+    if name.startswith("SQLITE_CANTOPEN") and is_full(path.parent):  # SQLite does not report why
         return StoreRefusedError(f"{path}: {CAUSES['SQLITE_FULL']} ({error})")
     passes = name.startswith(PASSING)
     return (StoreRefusedError if passes else StoreError)(explain(path, error))
@@ -203,7 +204,7 @@ def _denied(path: Path, error: OSError, otherwise: str) -> StoreError:
     return StoreError(f"{path}: {otherwise}")
 
 
-def _is_full(folder: Path) -> bool:
+def is_full(folder: Path) -> bool:
     """Whether no file can be made there for want of room; some filesystems do not count their files."""
     found = os.statvfs(folder)
     return found.f_bavail == 0 or (found.f_files > 0 and found.f_favail == 0)

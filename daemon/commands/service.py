@@ -91,7 +91,9 @@ def uninstall(root: Path | None, purge: bool, dry_run: bool) -> None:
     do, call = ("stop and disable", ["disable", "--now"]) if root is None else ("disable", [_below(root), "disable"])
     steps = [Step(f"{do} {unit.name}", partial(_systemctl, *call, unit.name)) for unit in there]
     steps += [Step(f"remove {path}", path.unlink) for path in (*there, layout.rules) if path.exists()]
-    if root is None:
+    if not steps:
+        output.print_lines([f"not installed: there is no {layout.unit}"])
+    elif root is None:
         steps += [Step("systemctl daemon-reload", lambda: _systemctl("daemon-reload")), *_udev()]
     if purge:
         steps += [_remove(path) for path in (layout.config.parent, *layout.state) if path.exists() or path.is_symlink()]

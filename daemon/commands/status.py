@@ -10,7 +10,7 @@ from lostmotion.daemon import documents, times
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.reasons import present_reason
 from lostmotion.daemon.commands.where import find_database, open_reader
-from lostmotion.daemon.database import is_held
+from lostmotion.daemon.database import is_full, is_held
 from lostmotion.daemon.learnt import NoiseRow
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow
@@ -38,9 +38,18 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
         else:
             _print(reader)
         is_bad = bool(reader.active_alarms())
-    if not as_json and is_held(find_database(config, database)) is False:
-        output.print_lines(["no service is running: this is the state that the last one left"])
+    if not as_json:
+        output.print_lines(_about(find_database(config, database)))
     return int(fail and is_bad)
+
+
+def _about(database: Path) -> list[str]:
+    """What makes the state that the database has an old one."""
+    if is_held(database) is False:
+        return ["no service is running: this is the state that the last one left"]
+    if is_full(database.resolve().parent):
+        return [f"the disk of {database} is full: what the service has measured since then waits in its memory"]
+    return []
 
 
 def _joint(reader: Reader, joint: JointRow) -> JointStatus:

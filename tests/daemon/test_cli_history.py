@@ -81,6 +81,16 @@ def test_status_says_when_nobody_watches(database: Path) -> None:
         assert "no service is running" not in call("status", "--database", database).stdout
 
 
+def test_status_says_when_the_disk_is_full(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is shown is then older than what the service has measured."""
+    full = os.statvfs_result((4096, 4096, 1000, 10, 0, 100, 10, 10, 0, 255))
+    with closing(Store(database, "arm1")):
+        assert "is full" not in call("status", "--database", database).stdout
+        monkeypatch.setattr(os, "statvfs", lambda _: full)
+        told = call("status", "--database", database).stdout
+    assert f"the disk of {database} is full: what the service has measured since then" in told
+
+
 def test_history_json(database: Path) -> None:
     """The keys are those of the interface, the oldest score comes first."""
     history = document("history", "elbow", "--database", database)

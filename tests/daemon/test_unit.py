@@ -128,3 +128,10 @@ def test_an_image_is_cleared_of_the_service(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == f"kept: {layout.config.parent}; uninstall --purge removes them"
     lostmotion("service", "uninstall", "--root", str(tmp_path), "--purge")
     assert not layout.config.parent.exists()
+
+
+def test_what_is_not_installed_is_told(tmp_path: Path) -> None:
+    """Nothing to remove is no error, and no silence."""
+    done = lostmotion("service", "uninstall", "--root", str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"not installed: there is no {Layout(tmp_path).unit}\n"
