@@ -88,3 +88,19 @@ def test_upgrade_and_way_back(boot: Boot) -> None:
     joints = python(machine, f"import sqlite3; print(*sqlite3.connect('{DATABASE}').execute('SELECT name FROM joint'))")
     assert "('wrist',)" in joints
     wait_for_scores(machine)
+
+
+def test_the_history_continues_on_another_computer(machine: Machine) -> None:
+    """The commands of docs/installing.md, with files of a user whom the new computer does not know."""
+    machine.run("systemctl", "stop", "lostmotion", "emulator")
+    count = "import sqlite3; print(sqlite3.connect('%s').execute('SELECT count(*) FROM scores').fetchone()[0])"
+    before = int(python(machine, count % DATABASE))
+    machine.run("chown", "-R", "64000:64000", FOLDER)
+    machine.run("tar", "-C", "/", "-czf", "/root/lostmotion.tgz", "var/lib/private/lostmotion", "etc/lostmotion")
+    machine.run(LOSTMOTION, "service", "uninstall", "--purge")
+    install_with_robot(machine)
+    machine.run("systemctl", "stop", "lostmotion")
+    machine.run("tar", "-C", "/", "-xzf", "/root/lostmotion.tgz")
+    machine.run("systemctl", "start", "lostmotion")
+    machine.wait_until(lambda: int(python(machine, count % DATABASE)) > before + 5)
+    assert not machine.said("a new history begins", "-p", "err")
