@@ -14,6 +14,7 @@ help:
 # --no-compile: of 12 000 modules of others a fifth is used, and each is compiled when it is; pip takes 48 s of processor
 # time otherwise instead of 29, while the other core waits.
 $(READY): pyproject.toml
+	@echo 'Installing into $(VENV); this takes a minute or two.'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --editable '.[dev]'
 	@touch $@

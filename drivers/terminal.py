@@ -1,8 +1,28 @@
-"""What a terminal may be sent: texts of others without control characters, and colours where it has them."""
+"""What a terminal may be sent: texts of others without control characters, colours where it has them, and a sign of
+life while a command computes."""
 
 from __future__ import annotations
 
-__all__ = ["has_colours", "printable"]
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+__all__ = ["has_colours", "printable", "waiting"]
+
+
+@contextmanager
+def waiting(what: str) -> Iterator[None]:
+    """Shows on standard error, where that is a terminal, what the block does and for how long it has done it."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        progress.add_task(what, total=None)
+        yield
 
 
 def has_colours() -> bool:

@@ -18,6 +18,7 @@ from lostmotion.detector.series import score_series
 from lostmotion.detector.window import DetectorSettings, Score
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.recording import Recording, read_recording
+from lostmotion.drivers.terminal import waiting
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
 __all__ = ["ScoreError", "score"]
@@ -46,7 +47,8 @@ def score(path: Path, config: Path | None, options: ScoringOptions, as_json: boo
     name = options.joint or str(recording.metadata.get("joint", "joint"))
     settings = settings_for(recording, config, options)
     _warn_of_others(recording, name)
-    scores = _scores(recording, options.column, settings, name)
+    with waiting("scoring"):
+        scores = _scores(recording, options.column, settings, name)
     if as_json:
         exact = [replace(window, duration=round(window.duration, 6)) for window in scores]  # the rate is an estimate
         windows = [{key: getattr(window, key) for key in KEYS} for window in exact]

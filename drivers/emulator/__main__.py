@@ -31,7 +31,7 @@ SENSOR_NODE = 32
 """of the accelerometer on an emulated CAN bus"""
 
 
-@click.command()
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--servos", multiple=True, metavar="MODEL:ID,ID…", help="A line of servos, such as ax12:1,2,3.")
 @click.option(
     "--canopen",

@@ -8,13 +8,14 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
 import click
 
+from lostmotion.drivers.terminal import waiting
 from lostmotion.lab.commands.options import (
     SearchOptions,
     curves_option,
@@ -57,11 +58,12 @@ def compare(model: str, recordings: Files, report: Path | None, curves: Path | N
     MODEL is a model file, or the name of a base.  No parameter is fitted; the initial state of each recording is
     estimated.
     """
-    from lostmotion.lab.commands.output import write_output
-    from lostmotion.lab.comparison.compare import compare as compared
+    with waiting("comparing"):
+        from lostmotion.lab.commands.output import write_output
+        from lostmotion.lab.comparison.compare import compare as compared
 
-    with used(model, recordings) as (built, experiments, read):
-        found = compared(built, experiments, recordings=read)
+        with used(model, recordings) as (built, experiments, read):
+            found = compared(built, experiments, recordings=read)
     write_output(found, report, curves, as_json=as_json)
 
 
@@ -79,11 +81,12 @@ def fit(
     curves: Path | None, progress: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Estimate MODEL's free parameters from all recordings together, with confidence intervals, into MODEL2."""
-    from lostmotion.lab.commands.output import write_output
-    from lostmotion.lab.estimate import fit as fitted
+    with _shown(progress) as callback:
+        from lostmotion.lab.commands.output import write_output
+        from lostmotion.lab.estimate import fit as fitted
 
-    with _prepared(model, recordings, executor, progress) as (built, experiments, pool, callback):
-        found = fitted(built, experiments, pool, callback)
+        with _prepared(model, recordings, executor) as (built, experiments, pool):
+            found = fitted(built, experiments, pool, callback)
     _save(found.model, output)
     write_output(found, report, curves, output, as_json=as_json)
 
@@ -94,9 +97,9 @@ def fit(
 @search_options
 def explain(model: str, recordings: Files, search: SearchOptions) -> None:
     """Find the physical effect that MODEL lacks, validated on the last recording, which is not fitted."""
-    from lostmotion.lab.commands.output import write_output
-
     with _explained(model, recordings, search) as found:
+        from lostmotion.lab.commands.output import write_output
+
         write_output(found, search.report, search.curves, as_json=search.as_json)
 
 
@@ -107,10 +110,10 @@ def explain(model: str, recordings: Files, search: SearchOptions) -> None:
 @search_options
 def improve(model: str, recordings: Files, output: Path, search: SearchOptions) -> None:
     """Explain, add and fit until nothing significant is missing; print how the error falls; write MODEL2."""
-    from lostmotion.lab.commands.output import write_output
-    from lostmotion.lab.results import ladder_of
-
     with _explained(model, recordings, search) as explanation:
+        from lostmotion.lab.commands.output import write_output
+        from lostmotion.lab.results import ladder_of
+
         _save(explanation.best.model, output)
         write_output(ladder_of(explanation), search.report, search.curves, output, as_json=search.as_json)
 
@@ -141,30 +144,28 @@ def add(model: str, effect: str, output: Path, as_json: bool) -> None:
 def _explained(model: str, recordings: Files, search: SearchOptions) -> Iterator[Explanation]:
     """The result of the search.  Within the block the user-defined effects stay registered, as the output uses their
     names and words."""
-    from lostmotion.lab.explanation import explain
-    from lostmotion.lab.models.own.file import load_effect
-    from lostmotion.model.effects.registry import registered
+    with ExitStack() as own:
+        with _shown(search.progress) as callback:
+            from lostmotion.lab.explanation import explain
+            from lostmotion.lab.models.own.file import load_effect
+            from lostmotion.model.effects.registry import registered
 
-    until = monotonic() + search.budget_s
-    with registered([load_effect(reference) for reference in search.effects]):
-        with _prepared(model, recordings, search.executor, search.progress) as (built, experiments, pool, callback):
-            found = explain(built, experiments, pool, callback, budget_s=until - monotonic())
+            until = monotonic() + search.budget_s
+            own.enter_context(registered([load_effect(reference) for reference in search.effects]))
+            with _prepared(model, recordings, search.executor) as (built, experiments, pool):
+                found = explain(built, experiments, pool, callback, budget_s=until - monotonic())
         yield found
 
 
 @contextmanager
 def _prepared(
-    model: str, recordings: Files, executor: str | None, progress: str
-) -> Iterator[tuple[Model, tuple[Experiment, ...], Executor, Progress]]:
-    """The model, the experiments, an executor and the callback of progress."""
+    model: str, recordings: Files, executor: str | None
+) -> Iterator[tuple[Model, tuple[Experiment, ...], Executor]]:
+    """The model, the experiments, and an executor."""
     from lostmotion.lab.parallel import open_executor
 
-    with (
-        used(model, recordings) as (built, experiments, _),
-        open_executor(executor) as pool,
-        _shown(progress) as callback,
-    ):
-        yield built, experiments, pool, callback
+    with used(model, recordings) as (built, experiments, _), open_executor(executor) as pool:
+        yield built, experiments, pool
 
 
 def _save(model: Model, output: Path) -> None:
