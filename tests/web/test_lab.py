@@ -288,6 +288,23 @@ def test_a_file_of_another_program_becomes_a_recording(site: Site, look: Open, t
 
 
 @pytest.mark.slow
+def test_several_files_of_another_program_become_recordings(site: Site, look: Open, tmp_path: Path) -> None:
+    """One after another, as one run is under way at a time: all are chosen, and what is wrong with one is told."""
+    files = [tmp_path / f"swing{at}.csv" for at in (1, 2, 3)]
+    rows = "".join(f"{10 * k},{k / 10}\n" for k in range(60))
+    for file in files:
+        file.write_text(f"t_ms,angle_deg\n{rows}")
+    files[1].write_text("nothing to read\n")
+    page = look(f"{site.address}/lab")
+    page.locator("body[data-loaded]").wait_for()
+    page.locator("#files").set_input_files(list(map(str, files)))
+    expect(page.locator("#recordings :checked")).to_have_count(2, timeout=SEARCH_MS)
+    expect(page.locator("#files-answer")).to_contain_text("swing2.csv: ")
+    for name in ("swing1.csv", "swing3.csv"):
+        expect(page.locator(f'#recordings input[value="{name}"]')).to_be_checked()
+
+
+@pytest.mark.slow
 def test_an_effect_of_the_owners_is_offered_and_runs(site: Site) -> None:
     """The page lists it; a model may name it; a run with it runs its file, where the recordings are."""
     assert b'value="tight_spot"' in site.ask("GET", "/lab")[2]

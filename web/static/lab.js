@@ -61,15 +61,24 @@ async function bring(files) {
     try {
       const query = new URLSearchParams({ name: file.name, joint: get("file-joint").value });
       const kept = await send(`/api/lab/recordings?${query}`, file);
-      if (kept.run) run = kept.run; // another program's, which is made a recording first
-      else chosen.add(kept.name);
-    } catch (error) { troubles.push(error.message); }
+      if (!kept.run) chosen.add(kept.name);
+      else if (files.length === 1) run = kept.run; // another program's, which is made a recording first
+      else (await ended(kept.run)).forEach((name) => chosen.add(name)); // one run at a time
+    } catch (error) { troubles.push(error.message.startsWith(file.name) ? error.message : `${file.name}: ${error.message}`); }
   }
   remember();
   answer.textContent = troubles.join("; ");
-  if (run && !troubles.length) { location.assign(`/lab/runs/${run}`); return; }
+  if (run) { location.assign(`/lab/runs/${run}`); return; }
   get("files").value = "";
   load();
+}
+
+// The recordings that a run has made, once it has ended and another may begin.
+async function ended(id) {
+  while ((await ask("/api/lab")).running === id) await new Promise((next) => setTimeout(next, 300));
+  const run = await ask(`/api/lab/runs/${id}`);
+  if (run.state !== "done") throw new Error((run.text || run.state).replace(/^given-/, ""));
+  return run.about.recordings;
 }
 
 get("files").addEventListener("change", (event) => bring([...event.target.files]));
