@@ -259,7 +259,7 @@ function downloads() {
   const there = Object.entries(offered).filter(([file]) => state.job.files.includes(file));
   get("downloads").replaceChildren(...there.map(([file, text]) => element("a", { class: "button", href: `${api}/files/${file}?download`, "data-file": file }, text)));
   if (state.job.files.includes("improved.toml")) {
-    get("downloads").append(element("a", { class: "button", href: `/lab?from=${name}&file=improved.toml` }, "Hold this model against other recordings"));
+    get("downloads").append(element("a", { class: "button", href: `/lab?from=${name}&file=improved.toml` }, "Use this model with other recordings"));
   }
   get("takeaway").hidden = !there.length;
 }
