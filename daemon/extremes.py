@@ -28,17 +28,29 @@ def extremes_of(db: sqlite3.Connection, of: str, span: Mapping[str, Any], pieces
     """A row with the columns of EXTREMES for each of so many pieces that holds scores, in time order.
 
     of: FROM and WHERE of the scores of a joint between ``:since`` and ``:until`` [us], which ``span`` has beside its
-    other parameters.  The medians are those of a piece's first windows; None for a piece without such a value.
+    other parameters.  The medians are those of a piece's first windows; None for a piece without such a value.  Windows
+    that a boundary separates from others just before it, such as those of one short motion, are one piece: a plot would
+    show two values at one time.
     """
     width = max(-(-(span["until"] - span["since"]) // pieces), 1)
-    # A question for each piece takes half the time of GROUP BY, which sorts a million rows that are in order.
-    extremes, first, rows = EXTREMES_OF.format(of=of), FIRST_OF.format(of=of), []
+    rows: list[tuple[Any, ...]] = []
     for start in range(span["since"], span["until"], width):
         piece = {**span, "since": start, "until": min(start + width, span["until"])}
-        row = db.execute(extremes, piece).fetchone()
-        if row[0] is not None:
-            rows.append((*row, *map(_median, zip(*db.execute(first, piece), strict=True))))
+        row = _row(db, of, piece)
+        if row and rows and row[0] - rows[-1][0] < width / 2:
+            rows[-1] = _row(db, of, {**piece, "since": rows[-1][0]}) or row
+        elif row:
+            rows.append(row)
     return rows
+
+
+def _row(db: sqlite3.Connection, of: str, piece: Mapping[str, Any]) -> tuple[Any, ...] | None:
+    """The columns of EXTREMES of a piece; None without scores.  A question for each piece takes half the time of GROUP
+    BY, which sorts a million rows that are in order."""
+    row = db.execute(EXTREMES_OF.format(of=of), piece).fetchone()
+    if row[0] is None:
+        return None
+    return (*row, *map(_median, zip(*db.execute(FIRST_OF.format(of=of), piece), strict=True)))
 
 
 def _median(values: Iterable[float | None]) -> float | None:

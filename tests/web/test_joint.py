@@ -6,13 +6,16 @@ import csv
 import json
 import re
 from collections.abc import Callable
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from lostmotion.daemon.reader import open_readonly
+from lostmotion.daemon.records import ScoreRow
+from lostmotion.daemon.store import Store
 from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import call
 from tests.web.conftest import Open, Serve, Site, overflow, violations
@@ -116,6 +119,23 @@ def test_series_keep_the_extremes(filled: tuple[Site, datetime]) -> None:
         assert all(low <= median <= high for low, median, high in known)
         assert sum(columns["count"]) >= 399
         assert len(columns["count"]) <= pieces + 1
+
+
+def test_a_short_motion_is_one_point_of_the_plot(tmp_path: Path) -> None:
+    """Four windows within two seconds every ten days: wherever the boundaries of the pieces are, there are not two
+    medians at one time."""
+    begin = datetime(2026, 1, 1, tzinfo=UTC)
+    store = Store(tmp_path / "history.db", "arm1")
+    for day in range(0, 360, 10):
+        for k in range(4):
+            time = begin + timedelta(days=day, seconds=k / 2)
+            store.add(ScoreRow("elbow", time, 0.25, 1.0 + k, 4.0, False, quality="ok"))
+    store.close()
+    with open_readonly(tmp_path / "history.db") as reader:
+        for pieces in (71, 72, 144, 300, 720):
+            rows = reader.extremes("elbow", begin + timedelta(seconds=1), begin + timedelta(days=360), pieces)
+            assert len(rows) == 36
+            assert {row[1] for row in rows[1:]} == {4}
 
 
 def test_a_window_is_the_one_that_was_kept(tmp_path: Path, filled: tuple[Site, datetime]) -> None:
