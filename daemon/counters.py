@@ -48,4 +48,4 @@ def log_summary(robot: Robot, store: Store) -> None:
         lost = ", ".join(f"{number} x {reason}" for reason, number in count.lost.items()) or "none"
         log.info("%s: windows triggered=%d scored=%d lost: %s", name, count.triggered, count.scored, lost)
     if store.problem:
-        log.error("%s; %d rows wait in memory, %d were given up", store.problem, store.waiting(), store.dropped)
+        log.error("%s; %d rows wait in memory, %d were dropped", store.problem, store.waiting(), store.dropped)

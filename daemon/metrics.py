@@ -88,7 +88,7 @@ class Exporter:
 def _all(store: Store, counts: Mapping[str, Counts]) -> Iterator[Family]:
     """All metrics; those of the database only while it can be read."""
     yield Family("lostmotion_store_waiting_rows", "gauge", "Rows not on the disk yet").add(store.waiting())
-    yield Family("lostmotion_store_dropped_rows", "counter", "Rows given up").add(store.dropped)
+    yield Family("lostmotion_store_dropped_rows", "counter", "Rows dropped").add(store.dropped)
     yield Family("lostmotion_store_writable", "gauge", "0 while the disk refuses rows").add(not store.problem)
     yield from _windows(dict(counts))
     yield from _process()

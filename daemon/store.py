@@ -362,5 +362,5 @@ class Store:
             if problem:
                 log.error("%s; scoring continues, rows wait in memory", problem)
             else:
-                log.warning("%s: written again; %d rows were given up meanwhile", self.path, self.dropped)
+                log.warning("%s: written again; %d rows were dropped", self.path, self.dropped)
         self.problem = problem

@@ -183,7 +183,7 @@ def test_a_full_disk_stops_nothing(configuration: Path, start: Start) -> None:
     time.sleep(1.0)
     assert count(database) == stood
     resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
-    service.wait_for("written again; 0 rows were given up")
+    service.wait_for("written again; 0 rows were dropped")
     assert service.stop(signal.SIGTERM) == 0
     with open_readonly(database) as reader:
         times = np.array([row.time.timestamp() for row in reader.scores("elbow")])
@@ -207,7 +207,7 @@ def test_a_disk_that_is_full_at_the_start(tmp_path: Path, start: Start) -> None:
     service.wait_for("started")
     time.sleep(1.5)
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    service.wait_for("written again; 0 rows were given up")
+    service.wait_for("written again; 0 rows were dropped")
     wait_until(lambda: count(tmp_path / "history.db") >= stood + 6)
     time.sleep(1.5)  # the alarms are looked at again
     assert service.stop(signal.SIGTERM) == 0
@@ -229,7 +229,7 @@ def test_a_disk_that_has_no_room_for_the_state_folder(small_disk: SmallDisk, sta
     service.wait_for("started")
     time.sleep(1.5)
     small_disk.hold(1000)
-    service.wait_for("written again; 0 rows were given up")
+    service.wait_for("written again; 0 rows were dropped")
     wait_until(lambda: count(database) >= 8)
     assert service.stop(signal.SIGTERM) == 0
     with open_readonly(database) as reader:

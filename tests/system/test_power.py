@@ -40,7 +40,7 @@ def test_a_full_disk_is_survived(boot: Boot) -> None:
     machine.wait_until(lambda: machine.said("disk is full"))
     kept = scores(machine)
     machine.run("rm", f"{FOLDER}/filler")
-    machine.wait_until(lambda: machine.said("written again; 0 rows were given up meanwhile"))
+    machine.wait_until(lambda: machine.said("written again; 0 rows were dropped"))
     assert scores(machine) > kept
     assert len(machine.said("disk is full")) == 1
     assert show(machine, "MainPID") == before

@@ -57,7 +57,7 @@ async function bring(files) {
   let run = "";
   for (const file of files) {
     if (file.size > most) { troubles.push(`${file.name}: ${bytes(file.size)} are too much: ${bytes(most)} at most (web.upload_mb)`); continue; }
-    answer.textContent = `bringing ${file.name} …`;
+    answer.textContent = `adding ${file.name} …`;
     try {
       const query = new URLSearchParams({ name: file.name, joint: get("file-joint").value });
       const kept = await send(`/api/lab/recordings?${query}`, file);
