@@ -56,7 +56,7 @@ def _trend(axes: Axes, history: History) -> None:
     else:
         _line(axes, history, wear.slope, wear.first, "--", "Theil-Sen slope of all, 95 %")
         _line(axes, history, wear.recent, wear.change_points[-1], "-", "Theil-Sen slope since the last change, 95 %")
-    axes.axhline(wear.limit, color=LEVEL, lw=1.5, ls="--", label=f"level {wear.limit:g}")
+    axes.axhline(wear.limit, color=LEVEL, lw=1.5, ls="--", label=f"level {wear.limit:.4g}")
     if wear.change_points:
         when, across = _dates(history, np.array(wear.change_points)), axes.get_xaxis_transform()
         axes.vlines(when, 0, 1, transform=across, color="0.3", lw=1, ls=":", label="change")

@@ -16,6 +16,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pytest
 from pyarrow import parquet
@@ -419,6 +420,14 @@ def test_trend_picture(database: Path, tmp_path: Path) -> None:
     assert int.from_bytes(content[16:20], "big") >= 1000
     refused = call("trend", "elbow", "--database", database, "--png", tmp_path / "none" / "x.png")
     assert is_one_line(refused, "x.png: cannot be written: No such file or directory; is there a folder")
+
+
+def test_the_level_of_a_picture_is_rounded_as_in_the_terminal(database: Path, tmp_path: Path) -> None:
+    """The limit of a severity, 17.5 mrad, is 60.16 arc-minutes in the legend."""
+    picture = tmp_path / "wear.svg"
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        assert call("trend", "elbow", "--database", database, "--png", picture).exit_code == 0
+    assert re.findall(r"level [\d.]+", picture.read_text()) == ["level 60.16"]
 
 
 def test_trend_picture_in_other_forms(database: Path, tmp_path: Path) -> None:
