@@ -61,7 +61,7 @@ class MetricsServer(socketserver.ThreadingTCPServer):
     """Answers at an address, in a thread of its own and one for each connection, until it is closed.
 
     Where one connection too many is opened the oldest is ended: those that send nothing keep no scrape out, since a
-    scrape sends its request at once.  Raises OSError when the address cannot be had.
+    scrape sends its request at once.  Raises OSError where the address is in use or not one of this computer.
     """
 
     allow_reuse_address = True

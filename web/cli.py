@@ -131,6 +131,6 @@ def _bound(options: WebOptions, address: tuple[str, int]) -> socket.socket:
     except OSError as error:
         listener.close()
         raise WebError(
-            f"web.listen: {options.listen} cannot be had ({error.strerror}); is another program there already?"
+            f"web.listen: cannot listen at {options.listen} ({error.strerror}); does another program use it?"
         ) from error
     return listener

@@ -243,7 +243,7 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         result = call("web", "--config", robot(tmp_path), "--listen", f"127.0.0.1:{other.getsockname()[1]}")
-    assert is_one_line(result, "cannot be had", "another program")
+    assert is_one_line(result, "cannot listen at", "another program")
 
 
 def test_the_throttle_forgets() -> None:

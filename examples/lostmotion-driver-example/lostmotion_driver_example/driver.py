@@ -63,7 +63,7 @@ class Datagrams:
             self._socket.bind(("127.0.0.1", int(self._port)))
         except (OSError, ValueError, OverflowError) as error:
             self.close()
-            raise PortError(f"UDP port {self._port} cannot be had: {error}; expected a free one") from error
+            raise PortError(f"UDP port {self._port} cannot be opened: {error}; expected a free one") from error
 
     def receive(self) -> list[list[float]]:
         """The numbers of the next datagram, a list a line; an empty list for a broken line, none after 0.25 s."""
