@@ -80,6 +80,25 @@ def test_the_trend_is_told_as_in_the_terminal(filled: tuple[Site, datetime], loo
 
 
 @pytest.mark.slow
+def test_the_time_at_which_the_limit_is_reached_is_in_the_plot(tmp_path: Path, serve: Serve, look: Open) -> None:
+    """The whole history is drawn beyond its end, as far as the forecast, where that begins within as long a time."""
+    last = fill(tmp_path / "history.db")
+    limits = "[alarm]\nseverity_warning = 0.004\nseverity_error = 0.008\n"
+    site = serve("--config", robot(tmp_path, extra=limits))
+    page = look(f"{site.address}/joints/elbow")
+    expect(page.locator("#trend")).to_contain_text("forecast")
+    ready(page)
+    soon = documents(site, "/api/joints/elbow/trend")["forecast"]
+    assert isinstance(soon, dict)
+    until = float(page.locator("#history").get_attribute("data-until") or 0)
+    assert last.timestamp() + soon["earliest_s"] < until
+    for of in ("score", "severity"):
+        page.locator(f'input[name="of"][value="{of}"]').check()
+        ready(page)
+        expect(page.locator("#history-words")).to_contain_text("400 windows")
+
+
+@pytest.mark.slow
 def test_drag_zooms_click_shows_keys_move(filled: tuple[Site, datetime], look: Open) -> None:
     """The mouse and the keyboard do the same: zoom, back to all, the window behind a point, two over each other."""
     page = look(f"{filled[0].address}/joints/elbow")

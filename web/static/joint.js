@@ -43,8 +43,13 @@ function drawHistory() {
   if (!found.first) { history.textContent = "No window has been scored yet."; return; }
   const [low, median, high] = ["low", "median", "high"].map((what) => columns[`${quantity.key}_${what}`].map((v) => v == null ? null : v * quantity.scale));
   const time = columns.time_us.map((t) => t / 1e6);
-  const limit = of === "score" ? columns.level : time.map(() => state.trend?.of === of ? state.trend.level * quantity.scale : null);
-  const span = state.span ?? [found.first, found.last === found.first ? found.first + 1 : found.last];
+  const limit = of === "score" ? [...columns.level] : time.map(() => state.trend?.of === of ? state.trend.level * quantity.scale : null);
+  const span = state.span ?? [found.first, (found.last === found.first ? found.first + 1 : found.last) + ahead()];
+  if (span[1] > found.last) { // the limit goes on, nothing else does
+    time.push(span[1]);
+    for (const values of [low, median, high]) values.push(null);
+    limit.push(limit.at(-1) ?? null);
+  }
   // A few windows that are far off do not decide on the scale.
   const most = (values) => values.reduce((a, b) => Math.max(a, b ?? 0), 0), top = Math.max(2 * most(median), most(limit));
   const plot = chart(history, {
@@ -55,10 +60,18 @@ function drawHistory() {
     cursor: { drag: { x: true, y: false, setScale: false } },
     hooks: { draw: [marks], setSelect: [zoom], ready: [clicks] },
   }, [time, low, high, median, limit], 320);
-  history.dataset.points = time.length;
+  history.dataset.points = columns.time_us.length;
+  history.dataset.until = span[1];
   const count = columns.count.reduce((a, b) => a + b, 0), impacts = columns.impacts.reduce((a, b) => a + b, 0);
   document.getElementById("history-words").textContent = `${count} windows here, ${impacts} with an impact.`;
   return plot;
+}
+
+// How far the whole history is drawn beyond its end [s]: until the limit is reached, where that may be soon.
+function ahead() {
+  const { found, trend, of } = state, most = found.last - found.first;
+  if (!trend?.forecast || trend.of !== of || trend.forecast.earliest_s > most) return 0;
+  return Math.min(trend.forecast.latest_s ?? most, most);
 }
 
 function marks(plot) {
@@ -73,7 +86,7 @@ function marks(plot) {
   if (!trend || trend.of !== of) return;
   for (const change of trend.change_points) upright(plot, Date.parse(change) / 1000, "residual", [8, 4]);
   const at = (t) => quantity.scale * (trend.line.intercept + trend.line.slope * (t - trend.line.start));
-  const [from, to] = [Date.parse(trend.first) / 1000, plot.scales.x.max];
+  const [from, to] = [Date.parse(trend.first) / 1000, Date.parse(trend.last) / 1000];
   stroke(plot, "modelled", [], (c) => {
     c.moveTo(plot.valToPos(from, "x", true), plot.valToPos(at(from), "y", true));
     c.lineTo(plot.valToPos(to, "x", true), plot.valToPos(at(to), "y", true));
