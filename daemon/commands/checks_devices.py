@@ -133,7 +133,7 @@ def _losses(data: DeviceData) -> Check:
     ok = samples > 0 and bad <= MOST_LOST * samples
     cause = "" if ok else "a bad cable, a loaded machine, a servo without power, or too low a baud rate"
     allowed = f"at most {MOST_LOST:.0%}"
-    return Check(data.device.name, "bad samples", f"{counts} of {samples}", "", allowed, ok, cause)
+    return Check(data.device.name, "bad samples", f"{counts}; {samples} read", "", allowed, ok, cause)
 
 
 def _rate(times: FloatArray) -> float:

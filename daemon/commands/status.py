@@ -118,5 +118,5 @@ def _complaint(device: DeviceRow) -> str:
     bad = [f"{getattr(device, name)} {name}" for name in counts if getattr(device, name)]
     if not bad and not device.reason:
         return ""
-    losses = ", ".join([*bad, f"of {device.samples} samples"]) if bad else ""
+    losses = f"{', '.join(bad)}; {device.samples} samples read" if bad else ""  # the lost ones are not among these
     return f"device {device.name}: " + "; ".join(filter(None, [device.state, device.reason, losses]))

@@ -22,7 +22,7 @@ import pytest
 from pyarrow import parquet
 
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.records import Origin, Origins, ScoreRow
+from lostmotion.daemon.records import DeviceRow, Origin, Origins, ScoreRow
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.times import TimeError, ago, parse, span
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, START, call, fill, is_one_line
@@ -80,6 +80,13 @@ def test_status_says_when_nobody_watches(database: Path) -> None:
     assert "no service is running" in call("status", "--database", database).stdout
     with closing(Store(database, "arm1")):
         assert "no service is running" not in call("status", "--database", database).stdout
+
+
+def test_status_counts_lost_samples_beside_those_that_were_read(database: Path) -> None:
+    """More may be lost than was read."""
+    with closing(Store(database, "arm1")) as store:
+        store.add(DeviceRow("tip", START, "reading", "", 1262, lost=1340, late=8, broken=0, silent=0, overwritten=0))
+    assert "device tip: reading; 1340 lost, 8 late; 1262 samples read" in call("status", "--database", database).stdout
 
 
 def test_status_says_when_the_disk_is_full(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
