@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.matlab_child import columns_of
+from lostmotion.drivers.formats.matlab_child import STEP, columns_of
 from lostmotion.drivers.formats.source import reason
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.text import open_text
@@ -42,6 +42,8 @@ def _columns(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]
         yield from _columns(value[field], field)
     if value.dtype.kind in "iuf" and value.size > 1:
         yield from columns_of(np.squeeze(value), name)
+    elif value.dtype.kind in "iuf" and value.size == 1 and STEP.fullmatch(name):
+        yield name, value.ravel()
 
 
 def open_json(path: Path) -> Table:
@@ -78,6 +80,8 @@ def _vectors(value: Any, name: str, depth: int, notes: list[str]) -> Iterator[tu
     if isinstance(value, Mapping) and depth < DEEPEST:
         for key, inner in value.items():
             yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1, notes)
+    elif isinstance(value, int | float) and STEP.fullmatch(name):
+        yield name, np.array([value], dtype=float)
     elif isinstance(value, list) and len(value) > 1:
         try:
             array = np.array(value, dtype=float)

@@ -19,6 +19,8 @@ OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature
 LINEAR = ("displacement", "force")
 MOTIONS = {"position", "displacement"}
 DRIVES = {"command", "torque", "force", "current", "voltage"}
+FORCE = "F"
+"""the symbol of a force, and of a temperature where nothing moves"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
 
@@ -127,7 +129,7 @@ def _example(series: Sequence[Series], clock: str, swings: str) -> str:
     whose name says so; without a header the first column is most often the time."""
     if swings:
         return mapped("position", swings, ":deg")
-    names = [one.name for one in series if not is_time(one.name) and one.name != clock]
+    names = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     if not clock and len(names) == len(series) > 1:
         moves = next((one for one in names if not is_input(one)), names[0])
         without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}:deg")
@@ -162,7 +164,10 @@ def speeds_told(series: Sequence[Series]) -> list[str]:
 
 
 def _input(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:
-    """The input of a motor, of which no name says the quantity, as its voltage; and what a person should know."""
+    """The input of a motor, of which no name says the quantity, as its voltage, or a force that has its symbol; and
+    what a person should know."""
+    if force := [one for one in series if one.name == FORCE]:
+        return {"force": _chosen("force", force[0], Term(FORCE), "by its symbol")}, []
     found = [one for one in series if is_input(one.name)]
     own = [one for one in found if joint_of(one.name) in (joint, "")]
     own = [one for one in own if one.name.islower() and one.name.isalpha()] or own  # the plainest name

@@ -8,6 +8,7 @@ unless there are objects.
 from __future__ import annotations
 
 import io
+import re
 import resource
 import sys
 from collections.abc import Iterator, Mapping
@@ -18,12 +19,17 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["columns_of"]
+__all__ = ["STEP", "columns_of"]
 
 MOST_MEMORY = 4_000_000_000
 DEEPEST = 16
 WIDEST = 64
 """columns of a matrix that are signals side by side"""
+STEP = re.compile(
+    r"(?:.*\.)?(?:(?P<step>dt|t_?s|h|t_?sample|sampl(?:e|ing)_?(?:time|period|interval))"
+    r"|f_?s|sampl(?:e|ing)_?(?:rate|frequency|freq))", re.IGNORECASE
+)  # fmt: skip
+"""the name of a number that is the time of a row, or the rows a second"""
 
 
 def main(path: str) -> int:
@@ -60,6 +66,8 @@ def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[A
             if not str(key).startswith("__"):
                 yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1)
         return
+    if isinstance(value, int | float | np.number) and STEP.fullmatch(name):
+        yield name, np.array([value])
     if not isinstance(value, np.ndarray):
         return
     if value.dtype == object:
@@ -70,13 +78,14 @@ def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[A
 
 
 def _of_objects(path: str, hidden: NDArray[Any] | None) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The times and values of timeseries, by the names of their variables; none where they cannot be read."""
+    """The times and values of timeseries, and what a run of Simulink gave, by the names of their variables; none where
+    they cannot be read."""
     if hidden is None:
         return
     from scipy.io import loadmat
     from scipy.io.matlab import varmats_from_mat
 
-    from lostmotion.drivers.formats.matlab_objects import object_of, timeseries
+    from lostmotion.drivers.formats.matlab_objects import object_of, outputs, timeseries
 
     with Path(path).open("rb") as file:  # SciPy calls all objects by one name, and keeps the last one only
         each = [loadmat(cast(Any, one)).get("None") for _, one in varmats_from_mat(file)]
@@ -86,6 +95,8 @@ def _of_objects(path: str, hidden: NDArray[Any] | None) -> Iterator[tuple[str, N
         for name, times, values in timeseries(hidden, names):
             yield f"{name}.time", times
             yield from columns_of(values, f"{name}.signals.values")
+        for name, value in outputs(hidden, names):
+            yield from _vectors(value, name, 0)
 
 
 def columns_of(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HIDDEN", "object_of", "timeseries"]
+__all__ = ["HIDDEN", "object_of", "outputs", "timeseries"]
 
 HIDDEN = "__function_workspace__"
 """SciPy's name of the hidden variable"""
@@ -47,6 +47,24 @@ def timeseries(hidden: Array, names: Mapping[int, str]) -> Iterator[tuple[str, A
             unit = "".join(re.findall(r"\s*[\[(][^\])]+[\])]$", own_name))
             name = f"{names[number]}{unit}" if number in names else own_name or f"timeseries{number}"
             yield name, times, np.squeeze(first)
+
+
+def outputs(hidden: Array, names: Mapping[int, str]) -> Iterator[tuple[str, Any]]:
+    """The name of the variable, and the signals by their names, of each ``Simulink.SimulationOutput``, but for those
+    that are objects themselves, as timeseries are.  Raises almost anything where the bytes are others than expected."""
+    for number, (kind, own) in enumerate(_objects(_cells(hidden.tobytes()))):
+        if kind == "SimulationOutput":
+            yield names.get(number, kind), _plain(own.get("Data"))
+
+
+def _plain(value: Any) -> Any:
+    """The fields of a structure by name, down to arrays of numbers; None for all else."""
+    if not isinstance(value, np.ndarray):
+        return None
+    if value.dtype.names:
+        return {field: _plain(value[field].flat[0]) for field in value.dtype.names if value.size}
+    is_reference = object_of(value) != 0
+    return np.squeeze(value) if value.dtype.kind in "iuf" and not is_reference else None
 
 
 def object_of(reference: Array) -> int:

@@ -16,9 +16,9 @@ from lostmotion.drivers.formats.guess import MOTIONS
 from lostmotion.drivers.formats.rates import Rate, rates
 from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
 from lostmotion.drivers.formats.table import MOST_LOOKED_AT, Table
-from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, speed_of
+from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, joint_of, speed_of
 
-__all__ = ["SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle"]
+__all__ = ["SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle", "without_still"]
 
 FILMED = "angle(x, y)"
 """the series of the angle of a point that was filmed"""
@@ -154,6 +154,28 @@ def with_angle(table: Table, choice: Choice) -> Table:
         return table
     load = partial(_load, table, axes)
     return replace(table, series=[*table.series, Series(FILMED, "rad")], load=load)
+
+
+def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
+    """The table without the joints whose goal and angle never change, where the same of other joints does; and a note
+    of them."""
+    angles = [one.name for one in table.series if column_of(one.name) in ("command", "position")]
+    named = [name for name in angles if joint_of(name)]
+    if choice.joint or len({joint_of(name) for name in named}) < 2:
+        return table, []
+    changing = {name for name, values in table.load(named).items() if _changes(np.asarray(values, dtype=float))}
+    alike = {name.replace(joint_of(name), "") for name in changing}
+    still = {joint_of(name) for name in named if name.replace(joint_of(name), "") in alike}
+    if not (still := still - {joint_of(name) for name in changing}):
+        return table, []
+    series = [one for one in table.series if joint_of(one.name) not in still]
+    return replace(table, series=series), [f"left out, as they do not move: {', '.join(map(shown, sorted(still)))}"]
+
+
+def _changes(values: FloatArray) -> bool:
+    """Whether those that are numbers are not all the same."""
+    known = values[np.isfinite(values)]
+    return bool(known.size and np.ptp(known) > 0)
 
 
 def _load(table: Table, axes: Sequence[str], names: Sequence[str]) -> Mapping[str, NDArray[Any]]:

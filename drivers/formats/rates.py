@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.table import LEAST_ROWS
-from lostmotion.drivers.formats.words import UNNAMED, column_of, is_input, speed_of
+from lostmotion.drivers.formats.words import SPEED_LETTER, UNNAMED, column_of, is_input, speed_of
 
 __all__ = ["Rate", "rates"]
 
@@ -51,8 +51,8 @@ class Rate:
 
 def rates(columns: Mapping[str, NDArray[Any]], times: FloatArray | None) -> list[Rate]:
     """By the first of each chain, as of angle, speed and acceleration, the series that is how fast it changes: a speed
-    by its name, or one without a name where both have the same unit.  times: (N,) [s], None where they are unknown,
-    for which ``factor`` is the length of a row [s]."""
+    by its name, or one without a name or called ``v`` where both have the same unit.  times: (N,) [s], None where they
+    are unknown, for which ``factor`` is the length of a row [s]."""
     known = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     rows = next(iter(known.values())).size
     if rows < LEAST_ROWS:
@@ -65,14 +65,15 @@ def rates(columns: Mapping[str, NDArray[Any]], times: FloatArray | None) -> list
         if times is None:
             fits = ROWS[0] <= 1 / rate.factor <= ROWS[1]
         else:
-            fits = not UNNAMED.fullmatch(rate.speed) or abs(rate.factor - 1) <= EXACT
+            fits = speed_of(rate.speed) is not None or abs(rate.factor - 1) <= EXACT
         if rate.of not in speeds and fits:
             best.setdefault(rate.of, rate)
     return list(best.values())
 
 
 def _rate(columns: Mapping[str, FloatArray], of: str, speed: str, steps: FloatArray) -> Rate | None:
-    is_speed = UNNAMED.fullmatch(speed) or speed_of(speed) is not None
+    may_be = UNNAMED.fullmatch(speed) or SPEED_LETTER.fullmatch(speed)
+    is_speed = may_be or speed_of(speed) is not None
     if not is_speed or speed_of(of) is not None or column_of(of) or is_input(of):
         return None
     position, velocity = columns[of], columns[speed] * steps

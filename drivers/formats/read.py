@@ -14,7 +14,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, speeds_told
-from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle
+from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
@@ -53,12 +53,13 @@ def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
     clock, moving = "", {}
+    still: Sequence[str] = ()
     if isinstance(source, Table):
-        source = with_angle(of_one_run(source, choice), choice)
+        source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
         clock, moving = source.clock, liveliest(source, choice)
     guess = guessed(source.series, choice, str(path), clock, moving)
     samples = source.read([one.series for one in guess.columns], choice)
-    notes = [*source.notes, *samples.notes, *guess.notes]
+    notes = [*source.notes, *samples.notes, *still, *guess.notes]
     parts, kept = [], []
     for one in guess.columns:
         times, values = samples.values[one.series]

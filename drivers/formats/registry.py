@@ -22,8 +22,8 @@ EXPECTED = (
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
-NUMBERS = re.compile(r"[\s,;|.eE+-]*\d[\d\s,;|.eE+-]*")
-"""a row without names"""
+NUMBERS = re.compile(r"[\s,;|.eE+-]*\d[\d\s,;|.eE+:/-]*")
+"""a row without names, which may begin with a date or a time of day"""
 START = 1 << 16
 """bytes that are looked at"""
 

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import MOTIONS
+from lostmotion.drivers.formats.matlab_child import STEP
+from lostmotion.drivers.formats.rates import ROWS
 from lostmotion.drivers.formats.source import MOST_SERIES, MOST_VALUES, Series, check_count, too_many
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import column_of
+from lostmotion.drivers.formats.words import column_of, is_time
 
 __all__ = ["MOST_BYTES", "check_size", "table_of"]
 
@@ -28,7 +30,10 @@ def check_size(name: str, size: int) -> None:
 
 def table_of(name: str, kind: str, vectors: Mapping[str, NDArray[np.generic]], advice: str) -> Table:
     """The vectors of one length: of those that several have, or else of all, the largest that a motion has by its name,
-    or else the largest.  advice: where there is none.  Raises RecordingError."""
+    or else the largest; without times those of its rows, where a number says how often they were sampled.  advice:
+    where there is none.  Raises RecordingError."""
+    steps = {title: float(vector[0]) for title, vector in vectors.items() if vector.size == 1}
+    vectors = {title: vector for title, vector in vectors.items() if vector.size > 1}
     if not vectors:
         raise RecordingError(f"{name}: found no vectors of numbers, expected signals; {advice}")
     if len(vectors) > MOST_SERIES:
@@ -37,11 +42,32 @@ def table_of(name: str, kind: str, vectors: Mapping[str, NDArray[np.generic]], a
     moving = {vector.size for title, vector in vectors.items() if column_of(title) in MOTIONS}
     usual = max(set(lengths), key=lambda length: (lengths.count(length) > 1, length in moving, length))
     check_count(name, usual)
+    timed, step = _times(vectors, steps, usual)
+    vectors |= timed
     series = [Series(title) for title, vector in vectors.items() if vector.size == usual]
     others = len(vectors) - len(series)
-    notes = [f"{others} vectors that do not have {usual} values are left out"] if others else []
+    notes = [step] * bool(step) + [f"{others} vectors that do not have {usual} values are left out"] * bool(others)
 
     def load(names: Sequence[str]) -> Mapping[str, NDArray[np.generic]]:
         return {title: vectors[title] for title in names}
 
     return Table(name, kind, series, load, notes)
+
+
+def _times(
+    vectors: Mapping[str, NDArray[np.generic]], steps: Mapping[str, float], rows: int
+) -> tuple[dict[str, NDArray[np.generic]], str]:
+    """The times (rows,) [s] by the one number that says how often rows were sampled, as a vector by its name, and a
+    note of it; none where there are times, or several such numbers."""
+    kept = {title: 1 / step if _is_step(title) else step for title, step in steps.items() if step > 0}
+    kept = {title: rate for title, rate in kept.items() if ROWS[0] <= rate <= ROWS[1]}
+    if len(kept) != 1 or any(is_time(title) for title in vectors):
+        return {}, ""
+    ((title, rate),) = kept.items()
+    return {"time": np.arange(rows) / rate}, f"time: no times are given; {rate:g} rows a second, as {title} says"
+
+
+def _is_step(title: str) -> bool:
+    """Whether the name of a number is that of the time of a row, and not of the rows a second."""
+    found = STEP.fullmatch(title)
+    return bool(found and found["step"])

@@ -8,8 +8,8 @@ import unicodedata
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_gyroscope", "is_input", "is_run",
-    "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
+    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_gyroscope", "is_input",
+    "is_run", "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
 ]  # fmt: skip
 
 COMMAND = {
@@ -40,7 +40,7 @@ OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
     "id", "tolerance", "delta", "load", "pwm", "duty", "uncertainty", "uncertainties", "sigma", "err",
-    "ddot", "double",
+    "ddot", "double", "offset", "layout",
 }  # fmt: skip
 """words of series that are none of the columns"""
 INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
@@ -67,6 +67,10 @@ SPELT = {
     "microseconds": "us", "nsec": "ns", "nanosec": "ns", "nanoseconds": "ns", "meters": "m", "metres": "m",
     "m/s2": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2",
 }  # fmt: skip
+DOTTED = re.compile(r"(?<![A-Za-z])(theta|phi|psi|alpha|beta|q|x|y|z)(d?dot)(?![A-Za-z])", re.IGNORECASE)
+"""a symbol with a dot or two above it, spelt in one word: ``phidot``"""
+SPEED_LETTER = re.compile(r"[vw]|d[qx]|[qx]d")
+"""what books call a speed, which may also be a voltage or anything else: its numbers must say so"""
 UNITS = {
     "deg", "rad", "s", "ms", "us", "ns", "mm", "cm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "kn", "arcmin",
     "rev", *SPELT,
@@ -247,7 +251,7 @@ def _english(name: str) -> str:
     """A name with the usual words of other languages in English, without accents, and Greek letters as words."""
     for sign, english in SIGNS.items():
         name = name.replace(sign, english)
-    plain = name.translate(GREEK)
+    plain = DOTTED.sub(r"\1 \2", name.translate(GREEK))
     if not plain.isascii():
         plain = "".join(letter for letter in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(letter))
     return re.sub(r"[A-Za-z]+", lambda word: ENGLISH.get(word[0].lower(), word[0]), plain)

@@ -1,9 +1,10 @@
-"""MAT files with timeseries, as MATLAB saves them: SciPy writes none."""
+"""MAT files with objects, as MATLAB saves them: SciPy writes none."""
 
 from __future__ import annotations
 
 import io
 import struct
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,10 @@ import scipy.io
 
 MATRIX, INT8 = 14, 1
 OPAQUE, STRUCT, UINT8 = 17, 2, 9
-NAMES = ["Name", "Data_", "TimeInfo", "Time_", "Start_", "Increment_", "Length", "tsdata", "timemetadata", "timeseries"]
+NAMES = [
+    "Name", "Data_", "TimeInfo", "Time_", "Start_", "Increment_", "Length", "tsdata", "timemetadata", "timeseries",
+    "Data", "Simulink", "SimulationOutput",
+]  # fmt: skip
 
 
 def _element(kind: int, data: bytes) -> bytes:
@@ -60,6 +64,24 @@ def save_timeseries(path: Path, variable: str, name: str, times: np.ndarray, val
         *_block(*((key, spot[key]) for key in order[:3])),
         *_block(*((key, spot[key]) for key in order[3:])),
     ]
+    _save(path, (variable, "timeseries", _reference(1, 2)), own, (classes, objects, blocks))
+
+
+def save_output(path: Path, variable: str, signals: Mapping[str, np.ndarray]) -> None:
+    """A file with what a run of Simulink gave (``out``), whose signals are the fields of a structure."""
+    place = NAMES.index("Simulink") + 1
+    classes = [0, 0, 0, 0, place, place + 1, 0, 0]
+    objects = [0] * 6 + [1, 0, 0, 0, 1, 1]
+    blocks = [0, 0, *_block(("Data", 0))]
+    held = {name: values[:, None] for name, values in signals.items()}
+    _save(path, (variable, "Simulink.SimulationOutput", _reference(1, 1)), [held], (classes, objects, blocks))
+
+
+def _save(
+    path: Path, variable: tuple[str, str, np.ndarray], own: Sequence[object], tables: Sequence[Sequence[int]]
+) -> None:
+    """A file with one object: its variable's name, class and reference; its values; its classes, objects and blocks."""
+    classes, objects, blocks = tables
     names = b"".join(one.encode() + b"\0" for one in NAMES)
     names += b"\0" * (-(40 + len(names)) % 8)
     parts = [np.array(part, "<i4").tobytes() for part in (classes, [], objects, blocks, [0] * 4)]
@@ -72,6 +94,5 @@ def save_timeseries(path: Path, variable: str, name: str, times: np.ndarray, val
     hidden = np.frombuffer(b"\0\x01IM\0\0\0\0" + _element(MATRIX, inner), np.uint8)[None, :]
     file = io.BytesIO()
     scipy.io.savemat(file, {})
-    path.write_bytes(
-        file.getvalue()[:128] + _opaque(variable, "MCOS", "timeseries", _reference(1, 2)) + _matrix(hidden)
-    )
+    name, kind, reference = variable
+    path.write_bytes(file.getvalue()[:128] + _opaque(name, "MCOS", kind, reference) + _matrix(hidden))

@@ -22,7 +22,7 @@ from lostmotion.drivers.formats.source import Choice, Term, in_words
 from lostmotion.drivers.formats.words import column_of, joint_of, speed_of, unit_of
 from lostmotion.drivers.recording import read_recording
 from tests.conftest import Measurements
-from tests.drivers.mat_objects import save_timeseries
+from tests.drivers.mat_objects import save_output, save_timeseries
 
 T = np.arange(200) * 0.01
 ANGLE = 0.5 * np.sin(T)
@@ -150,6 +150,16 @@ def test_timeseries_of_matlab(times: np.ndarray, tmp_path: Path) -> None:
     assert found.columns[0].series == "pendulum_angle [deg]"
     path.write_bytes(path.read_bytes().replace(b"timeseries\0", b"timetables\0"))
     assert "found no vectors of numbers, expected signals; save objects such as timeseries as arrays" in refused(path)
+
+
+def test_what_a_run_of_simulink_gave(tmp_path: Path) -> None:
+    """``out`` is an object, whose signals have the names that the model gave them."""
+    path = tmp_path / "run.mat"
+    save_output(path, "out", {"tout": T, "theta_deg": np.degrees(ANGLE), "Ut": 2 * ANGLE})
+    found = read(path)
+    np.testing.assert_allclose(found.recording.columns["position"], ANGLE)
+    np.testing.assert_allclose(found.recording.time, T)
+    assert [one.series for one in found.columns] == ["out.theta_deg"]
 
 
 def test_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, number
-from lostmotion.drivers.formats.words import column_of, is_time
+from lostmotion.drivers.formats.words import column_of, is_time, speed_of
 from tests.drivers.test_formats import read, refused
 
 T = np.arange(300) / 30
@@ -485,3 +485,50 @@ def test_the_advice_suits_what_a_file_has(header: str, advice: str, tmp_path: Pa
     columns = (T, np.sign(SWING), SWING)[3 - header.count(",") - 1 :]
     path.write_text(header + "\n" + rows(*columns, sign=","))
     assert advice in refused(path)
+
+
+@pytest.mark.parametrize(("title", "value"), [("h", 1 / 30), ("Ts", 1 / 30), ("fs", 30.0), ("sample_rate", 30.0)])
+def test_a_number_says_how_often_rows_were_sampled(title: str, value: float, tmp_path: Path) -> None:
+    """Without times their step is a number of the file; one that cannot be (a height of 9 m), or two, are none."""
+    scipy.io.savemat(tmp_path / "a.mat", {"theta": SWING, title: value, "g": 9.81})
+    np.savez(tmp_path / "b.npz", **{"theta": SWING, title: value})
+    (tmp_path / "c.json").write_text(json.dumps({"run": {"theta": SWING.tolist(), title: value}}))
+    for path in sorted(tmp_path.iterdir()):
+        found = read(path)
+        np.testing.assert_allclose(found.recording.time, T)
+        assert any(note.startswith("time: no times are given; 30 rows a second, as ") for note in found.notes)
+    for others in ({"h": 9.0}, {"h": 0.01, "fs": 50.0}):
+        scipy.io.savemat(tmp_path / "d.mat", {"theta": SWING, "u": SWING, **others})
+        assert "and no times" in refused(tmp_path / "d.mat")
+
+
+def test_joints_that_do_not_move_are_left_out(tmp_path: Path) -> None:
+    """Of two encoders the one that counts; if both do, one must be named."""
+    path = tmp_path / "disk.csv"
+    header = "Time (s),Angle, Ch 1+2 (rad),Angle, Ch 3+4 (rad)".replace("Angle, ", "Angle ")
+    path.write_text(header + "\n" + rows(T, SWING, 0 * T, sign=","))
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+    assert "left out, as they do not move: Ch 3+4" in found.notes
+    path.write_text(header + "\n" + rows(T, SWING, 0.001 * T, sign=","))
+    assert "found 2 joints, expected one; choose with --joint NAME" in refused(path)
+
+
+def test_rows_that_begin_with_a_time_of_day(tmp_path: Path) -> None:
+    """The command that the refusal gives reads the file."""
+    path = tmp_path / "log.txt"
+    text = "".join(f"12:23:{10 + t:09.6f} {q:.4f} {u:.1f}\n" for t, q, u in zip(T, 100 * SWING, 0 * T, strict=True))
+    path.write_text(text)
+    assert "assign them, as in --map position=column2:deg" in refused(path)
+    found = read(path, "position=column2:deg").recording
+    np.testing.assert_allclose(found.time, T, atol=1e-5)
+    assert found.columns["position"] == pytest.approx(np.radians(100 * SWING), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("phidot", None), ("theta_ddot", None), ("layout/data_offset", None), ("F", None), ("F_fric", None)],
+)
+def test_symbols(name: str, column: str | None) -> None:
+    assert column_of(name) == column
+    assert (speed_of(name) is not None) == (name == "phidot")

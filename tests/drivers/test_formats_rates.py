@@ -133,3 +133,16 @@ def test_a_header_as_ours_with_the_input_of_a_motor(tmp_path: Path) -> None:
     assert read_recording(path).columns["voltage"] == pytest.approx(INPUT)
     path.write_text("time,position,note\n" + rows(T, ANGLE, 0 * T, sign=","))
     assert set(read_recording(path).columns) == {"position"}
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_a_letter_is_a_speed_if_its_numbers_are(factor: float, tmp_path: Path) -> None:
+    """``v`` may be a voltage; it is the speed of x if it is how fast x changes, in its unit."""
+    path = tmp_path / "rack.mat"
+    scipy.io.savemat(path, {"t": T, "x": ANGLE, "v": factor * SPEED, "F": INPUT, "a": np.gradient(SPEED, 0.01)})
+    if factor == 1:
+        found = read(path)
+        assert [one.series for one in found.columns] == ["x", "F"]
+        assert found.columns[0].why == "v is how fast it changes"
+    else:
+        assert "none that is clearly a column" in refused(path)
