@@ -249,7 +249,7 @@ class ShortSegments:
             return policy.FAR_GAIN
         return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, 0.0)
 
-    def is_sized(self, effect: str, fit: SegmentFit) -> bool:
+    def is_sized(self, effect: str, fit: SegmentFit, *, is_last: bool = False) -> bool:
         """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard
         deviations.  Otherwise only the initial values of its states explain something, as those of a second mode that
         is neither driven nor damped explain a hum."""

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import fdtri, stdtr
 
 from lostmotion.lab import policy
+from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
@@ -51,7 +52,7 @@ def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
     return min(2 * max(chances), 1.0)
 
 
-def is_sized(effect: str, fit: Regression) -> bool:
+def is_sized(effect: str, fit: Regression, *, is_last: bool = False) -> bool:
     """Whether the confidence interval of an amplitude of the effect excludes zero, as a curve that is nearly a sum of
     others can overfit a motion and extrapolates badly.
 
@@ -63,6 +64,9 @@ def is_sized(effect: str, fit: Regression) -> bool:
     A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is the
     square of a over its standard deviation for this phi, and is compared with 2 F(2, n): beside a constant torque a
     small swing identifies only one of the two components of a weight.
+
+    is_last: by the interval that is reported, with which disturbances of a motion may last.  In a search it would be
+    too wide: what the effects that are not yet found leave lasts, too.
     """
     names = amplitudes(effect, fit)
     if not names:
@@ -71,10 +75,21 @@ def is_sized(effect: str, fit: Regression) -> bool:
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name and is_torque]
     phases = [name for name in fit.unknowns.names if name in _phases(effect, fit.model) and name not in given]
     many = 1 + len(phases)
-    width = math.sqrt(many * float(fdtri(many, fit.freedom, policy.CONFIDENCE)))
-    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * fit.deviations_within_bounds([*given, *phases])
+    held = [*given, *phases]
+    deviation, freedom = fit.deviations_within_bounds(held), fit.freedom
+    if is_last:
+        deviation, freedom = fit.interval(_is_disturbed(fit), held)
+    width = math.sqrt(many * float(fdtri(many, freedom, policy.CONFIDENCE)))
+    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * deviation
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
+
+
+def _is_disturbed(fit: Regression) -> bool:
+    """Whether a simulated motion leaves more than the noise of its sensor."""
+    data = fit.data
+    noise = max(data.accuracy, *(one.position_noise for one in data.signals)) if isinstance(data, OutputError) else 0.0
+    return isinstance(data, OutputError) and fit.error > policy.STRUCTURED * noise
 
 
 def _is_shaped(effect: str, fit: Regression) -> bool:

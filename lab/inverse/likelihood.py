@@ -271,9 +271,9 @@ class WholeMotion:
             return 1.0 if now.rms < data.accuracy else policy.LEAST_GAIN
         return max(policy.LEAST_GAIN, policy.LEAST_SHARE * (self.first.rms / max(now.rms, 1e-300)) ** 2)
 
-    def is_sized(self, effect: str, fit: Fitted) -> bool:
+    def is_sized(self, effect: str, fit: Fitted, *, is_last: bool = False) -> bool:
         """Whether the size of an effect differs from zero; see ``effect_sizes.is_sized``."""
-        return is_sized(effect, fit.judged)
+        return is_sized(effect, fit.judged, is_last=is_last)
 
 
 def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:

@@ -153,7 +153,7 @@ class Regression:
         whole = (inverse @ spread @ inverse) / np.outer(size, size)
         return np.asarray(whole[: self.count, : self.count])
 
-    def interval(self, is_lasting: bool) -> tuple[FloatArray, int]:
+    def interval(self, is_lasting: bool, given: Sequence[str] = ()) -> tuple[FloatArray, int]:
         """Standard deviations of z (P,) for intervals, and their degrees of freedom G - 1, from the estimates without
         one of G blocks of samples each (delete-a-group jackknife: CR3 of Bell and McCaffrey 2002).
 
@@ -166,7 +166,7 @@ class Regression:
         """
         counts = self.data.counts
         blocks = numbered(counts, sum(counts) / policy.LASTING_BLOCKS) if is_lasting else self.block
-        return self._within_bounds(partial(self._jackknifed, blocks)), max(int(blocks.max()), 1)
+        return self._within_bounds(partial(self._jackknifed, blocks), given), max(int(blocks.max()), 1)
 
     def _jackknifed(self, blocks: NDArray[np.intp], given: Sequence[str]) -> FloatArray:
         """The covariance CR3 of z (P, P) for these blocks (M,); see ``interval``."""

@@ -88,8 +88,8 @@ class Likelihood(Protocol[F]):
     def least_gain(self, fit: F, now: F) -> float:
         """The share of the squared error that an effect must take to be named."""
 
-    def is_sized(self, effect: str, fit: F) -> bool:
-        """Whether the size of an effect differs from zero."""
+    def is_sized(self, effect: str, fit: F, *, is_last: bool = False) -> bool:
+        """Whether the size of an effect differs from zero; is_last: in the last fit of the search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,8 @@ def selected(
                 untried = tuple(dict.fromkeys([*(one.effect for one in cut_short), *untried]))
             if not several or is_over():
                 break
-    return _eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood)
+    own = fits[len(begun.fits) if begun else 0 :]
+    return _eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
 
 
 def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str]) -> list[str]:
@@ -269,17 +270,22 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
 
 
-def _eliminated(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:
+def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]) -> Selection[F]:
     """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, or whose
     size is no longer identified, as long as the estimates of the others agree with their definitions.  One without
-    which the fit falls far behind is needed; its predictions, which take time, are not computed."""
+    which the fit falls far behind is needed; its predictions, which take time, are not computed.
+
+    own: fits of this search.  Of one with the same effects and the fit that begins without the effect the better one
+    counts, as the latter may end in another minimum.
+    """
     fits, labels = list(found.fits), list(found.labels)
     for effect in found.added:
         if is_over():
             break
         now, less = fits[-1], likelihood.without(effect, fits[-1])
+        less = min([less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms)
         others = [name for name in labels if name != effect]
-        is_needed = likelihood.is_sized(effect, now) and (
+        is_needed = likelihood.is_sized(effect, now, is_last=True) and (
             less.rms > policy.BEHIND * now.rms or likelihood.predictions(less, now).p_value < policy.FALSE_NAME
         )
         if not is_needed and are_consistent(less.model, others):

@@ -190,7 +190,7 @@ class Linear(ShortSegments):
         """The fit without the only effect."""
         return self.first
 
-    def is_sized(self, effect: str, fit: SegmentFit) -> bool:
+    def is_sized(self, effect: str, fit: SegmentFit, *, is_last: bool = False) -> bool:
         """Always: none that the test allows is taken back."""
         return True
 

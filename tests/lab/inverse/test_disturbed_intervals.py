@@ -1,7 +1,18 @@
 """The intervals of simulated motions where a torque that no column shows disturbs them."""
 
 import numpy as np
-from bench.intervals import fitted
+import pytest
+from bench.intervals import disturbance, fitted, moved
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.fitting.identifiability import with_scale
+from lostmotion.lab.inverse.effect_sizes import is_sized
+from lostmotion.lab.inverse.explain import _estimates
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.regression import Regression, regressed
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.model import build_model
 
 
 def test_frictions_of_disturbed_swings_lie_in_their_intervals() -> None:
@@ -14,3 +25,29 @@ def test_frictions_of_disturbed_swings_lie_in_their_intervals() -> None:
 def test_the_inertia_of_a_motor_whose_torque_was_recorded_early_lies_in_its_interval() -> None:
     """While the estimated delay counted as known, the inertia was off by 2 to 11 half widths of its interval."""
     assert all(abs(fitted("motor", seed)["J"]) <= 1 for seed in (3, 5, 7))
+
+
+def disturbed_swing(seed: int) -> Regression:
+    """A pendulum of 30 s with a disturbance that lasts a second, fitted with a spring beside its weight."""
+    rng, step, many = np.random.default_rng(seed), 0.02, 20
+    pushed = disturbance(rng, 1500 * many, step / many, 1.0, 0.05)
+    place, _ = moved(1.0, 0.06, 0.0, 4.0, 0.0, 0.6, step / many, pushed)
+    angle = place[many - 1 :: many] + 1e-4 * rng.standard_normal(1500)
+    model = build_model(
+        "joint", ["gravity_torque", "viscous_friction", "spring_torque"],
+        {"J": 1.0, "gravity_torque.tau_g": 4.0, "viscous_friction.b_v": 0.06, "spring_torque.k_s": 0.01},
+    )  # fmt: skip
+    (one,) = experiments(model, [Recording(step * np.arange(1500), {"position": angle}, name="swing.csv")])
+    model, _ = with_scale(model, [one])
+    return regressed(model, OutputError.of([Signals.of(one)], model))
+
+
+@pytest.mark.parametrize(("seed", "effect"), [(0, "viscous_friction"), (3, "spring_torque")])
+def test_an_effect_whose_reported_interval_contains_zero_is_not_sized(seed: int, effect: str) -> None:
+    """While what was named had intervals as if the residual were short, both counted as sized, and the intervals that
+    were reported contained zero."""
+    fit = disturbed_swing(seed)
+    (size,) = (one for one in _estimates(fit, 1e-4) if one.name in (f"{effect}.b_v", f"{effect}.k_s"))
+    assert size.low < 0 < size.high
+    assert is_sized(effect, fit)
+    assert not is_sized(effect, fit, is_last=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ class Columns:
         """A twentieth."""
         return 0.05
 
-    def is_sized(self, effect: str, fit: Regressed) -> bool:
+    def is_sized(self, effect: str, fit: Regressed, *, is_last: bool = False) -> bool:
         """Always."""
         return True
 
@@ -246,3 +246,26 @@ def test_what_later_effects_make_superfluous_is_taken_out() -> None:
     assert search.steps[0].judged[0].effect == THIRD
     assert set(search.added) == {FIRST, SECOND}
     assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
+
+
+class Stuck(Columns):
+    """A search that ends in a worse minimum where it begins without the second effect, whose last interval holds
+    zero."""
+
+    def without(self, effect: str, fit: Regressed) -> Regressed:
+        """In a worse minimum."""
+        return replace(less := super().without(effect, fit), left=less.left + 9.0)
+
+    def is_sized(self, effect: str, fit: Regressed, *, is_last: bool = False) -> bool:
+        """By the last interval not."""
+        return not (is_last and effect == SECOND)
+
+
+def test_an_effect_is_taken_out_for_the_best_fit_without_it() -> None:
+    """The search knows the fit without the second effect, from before it was added."""
+    columns = independent()
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    search = selected(Stuck(noise + 2 * columns[FIRST] + columns[SECOND], columns), lambda what, part: None)
+    assert [step.judged[0].effect for step in search.steps[:2]] == [FIRST, SECOND]
+    assert search.added == (FIRST,)
+    assert search.fits[-1].rms == pytest.approx(np.sqrt(2), rel=0.1)
