@@ -113,10 +113,25 @@ def prior_of(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, Floa
 
 def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
     """The unknowns with scales that are large enough for finite differences near zero: at least ``LEAST_SCALE`` of the
-    largest torque, or of a radian.  The constant torque of a joint is bounded by ``LARGEST_BIAS``."""
+    largest torque, or of a radian, and its square of the torque for what is multiplied by the motion: weak damping has
+    a thousandth of the torque of a swing.  One that a fit left at nearly zero, as damping beside the drag that explains
+    it, would stay there.  The constant torque of a joint is bounded by ``LARGEST_BIAS``."""
     moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
     torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
-    usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE}
+    speed, place = (
+        max(max(float(np.ptp(values)) for values in parts) / 2, 1e-300)
+        for parts in ([one.velocity for one in data.signals], [one.position for one in data.signals])
+    )
+    usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE} | {
+        unit: LEAST_SCALE**2 * torque / motion
+        for units, motion in (
+            (("N m s/rad", "N s/m"), speed),
+            (("N m s^2/rad^2", "N s^2/m^2"), speed**2),
+            (("N m/rad",), place),
+            (("N/m^3",), place**3),
+        )
+        for unit in units
+    }
     items = [
         item
         if item.logarithmic

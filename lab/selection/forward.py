@@ -283,7 +283,9 @@ def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]
         if is_over():
             break
         now, less = fits[-1], likelihood.without(effect, fits[-1])
-        less = min([less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms)
+        less = min(
+            [less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms
+        )
         others = [name for name in labels if name != effect]
         is_needed = likelihood.is_sized(effect, now, is_last=True) and (
             less.rms > policy.BEHIND * now.rms or likelihood.predictions(less, now).p_value < policy.FALSE_NAME

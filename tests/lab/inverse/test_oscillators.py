@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments, with_one_column
 from lostmotion.lab.errors import ExperimentError
@@ -49,6 +52,28 @@ def test_a_mass_on_a_spring_that_rubs(recordings: int, tmp_path: Path) -> None:
     assert found["missing"][:1] == ["coulomb_friction"]
     assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(RUBBING_N, rel=0.03)
     assert found["error"]["after"] < 2 * NOISE_M
+
+
+@pytest.mark.parametrize(
+    ("effect", "size"), [("", ""), ("quadratic_damping", "quadratic_damping.b2"), ("hardening_spring", "")]
+)
+def test_a_damping_of_nearly_zero_is_fitted(effect: str, size: str, tmp_path: Path) -> None:
+    """With a scale of its own value a damping that a fit left at 1e-15 stayed there, with an interval of no width; so
+    did a drag."""
+    times = np.arange(0.0, 20.0, 0.02)
+    swing = 0.02 * np.exp(-0.1 * times) * np.cos(6 * times)
+    (tmp_path / "swing.csv").write_text(
+        "time,displacement\n" + "".join(f"{t:.2f},{x:.7f}\n" for t, x in zip(times, swing, strict=True))
+    )
+    tiny = f"{size} = 1e-15\n" if size else ""
+    effects = f'effects = ["{effect}"]\n' if effect else ""
+    (tmp_path / "m.toml").write_text(f'base = "oscillator"\n{effects}[parameters]\nb = 1e-15\n{tiny}')
+    names = [str(tmp_path / name) for name in ("m.toml", "swing.csv", "out.toml")]
+    ran = CliRunner().invoke(cli, ["lab", "fit", *names[:2], "-o", names[2], "--json"])
+    assert ran.exit_code == 0, ran.output
+    value, low, high = json.loads(ran.stdout)["parameters"]["b"]
+    assert value == pytest.approx(0.2 * 0.02, rel=0.01)
+    assert 0 < low < value < high < 2 * value
 
 
 @pytest.mark.slow
