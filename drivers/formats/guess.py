@@ -78,7 +78,7 @@ def guessed(
         notes += note
     if MOTIONS & {*chosen} and not DRIVES & {*chosen, *choice.terms}:
         driven, note = _input(series, joint)
-        chosen |= driven
+        chosen |= driven if "force" not in driven else _along_a_line(chosen, driven)
         notes += note
     if not chosen and len(rest := _unnamed(series, clock)) == 1:
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
@@ -155,6 +155,12 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     if len(own) != 1 or not (one.unit or unit):
         return {}, [f"position: none; {hint}" for hint in speeds_told([one])]
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
+
+
+def _along_a_line(chosen: Mapping[str, Chosen], driven: Mapping[str, Chosen]) -> dict[str, Chosen]:
+    """What drives a motion as a force, and the motion, a length if neither its unit nor its name says otherwise."""
+    moved = {one for one in chosen.values() if one.column == "position" and not (one.unit or column_of(one.series))}
+    return {**driven, **{one.column: replace(one, unit="m", si="m") for one in moved}}
 
 
 def speeds_told(series: Sequence[Series]) -> list[str]:

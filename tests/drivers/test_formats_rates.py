@@ -144,5 +144,6 @@ def test_a_letter_is_a_speed_if_its_numbers_are(factor: float, tmp_path: Path) -
         found = read(path)
         assert [one.series for one in found.columns] == ["x", "F"]
         assert found.columns[0].why == "v is how fast it changes"
+        assert found.recording.metadata["position_unit"] == "m"
     else:
         assert "none that is clearly a column" in refused(path)

@@ -277,7 +277,7 @@ def test_a_position_is_the_displacement_of_an_oscillator(caplog: pytest.LogCaptu
     times = np.arange(0.0, 3.0, 0.01)
     (one,) = experiments(build_model("oscillator"), [Recording(times, {"position": np.cos(9 * times)}, name="p.csv")])
     assert list(one.measured) == ["displacement"]
-    assert "no displacement was found; the position is taken for it" in caplog.text
+    assert "no displacement was found; the position is taken for it, so that m stands for rad" in caplog.text
 
 
 @pytest.mark.parametrize("place", [{"displacement": "m"}, {"position": "m"}])
