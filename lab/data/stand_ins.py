@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["LENGTHS", "is_sampled", "with_stand_ins"]
 
@@ -35,10 +34,8 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
     elif not {*found} & {*outputs}:
         found = []
     for name in found:
-        own, usual = recording.unit(pairs[name]), COLUMN_UNITS[name]
-        instead = (
-            f", so that {usual} stands for {own}" if base == "oscillator" and own == COLUMN_UNITS[pairs[name]] else ""
-        )
+        is_angular = base == "oscillator" and pairs[name] not in recording.foreign_units
+        instead = f", so that {recording.unit(name)} stands for {recording.unit(pairs[name])}" if is_angular else ""
         log.warning("%s: no %s was found; the %s is taken for it%s", recording.name, name, pairs[name], instead)
     columns = {**recording.columns, **{name: recording.columns[pairs[name]] for name in found}}
     units = {f"{name}_unit": recording.unit(pairs[name]) for name in found if base == "joint"}
