@@ -25,6 +25,9 @@ __all__ = [
 ]
 
 MOST_VARIABLES = 3
+ELSEWHERE = 3.0
+"""Ratio of the error on unseen samples to that of the fit, from which on a sentence reports it.  Of 41 answers on
+measured machines 36 have at most 2.3; of the five from 3.0 on four lack an effect or name one too many."""
 PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor"}
 
 
@@ -49,6 +52,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         beyond = "" if explanation.untried else " that no effect of the catalogue explains"
         sentences.append(f"Something more is missing{beyond}.")
         sentences += of_finding(found)
+    sentences += _elsewhere(explanation)
     sentences += [_held(one) for one in explanation.held]
     sentences += _unused(explanation)
     if explanation.unshown:
@@ -64,6 +68,17 @@ def _named(effect: str, explanation: Explanation) -> str:
     if not alike:
         return sentence
     return f"{sentence} These recordings do not distinguish it from {joined(alike)}."
+
+
+def _elsewhere(explanation: Explanation) -> list[str]:
+    """A sentence where far more is left of the samples kept for judging than of those of the fit."""
+    error = explanation.error
+    of_fit = next((explanation.best.rms.get(name) for name, one in explanation.columns.items() if one is error), None)
+    if explanation.complete or not of_fit or error.after < ELSEWHERE * of_fit:
+        return []
+    times = number(error.after / of_fit, 0)
+    why = "they move otherwise, or something acts that hardly acts in the others"
+    return [f"The samples kept for judging leave {times} times as much as those of the fit: {why}."]
 
 
 def _unused(explanation: Explanation) -> list[str]:
