@@ -35,14 +35,14 @@ from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "HORIZONS",
     "SHORT",
     "by_acceleration",
     "candidates",
+    "continued",
     "fitted_by_acceleration",
     "fitted_with",
-    "not_vanished",
     "refined",
+    "resolved",
     "sizes_of",
     "starts",
 ]
@@ -52,9 +52,6 @@ STARTS = 3
 TRAILS = 0.6
 """Share of the time by which a servo trails its command, for which an effect that delays it stands at first: the rest
 is the response of its controller.  From 0.1 and 0.3 of it the fit above ends at 19 ms, from 0.6 at 36 ms."""
-HORIZONS = (0.2, 0.5)
-"""Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
-and a fit to the whole would end in a local minimum."""
 VANISHED = 1e-3
 """Share of its initial value below which a parameter counts as zero."""
 SHORT, LONG = 7, 150
@@ -75,7 +72,9 @@ def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | No
     """The fit of the model that minimises the equation error; None where the acceleration does not follow from the
     measured motion."""
     error = EquationError.driven(signals)
-    return _tried(softened(model, error.signals), error, error.nuisance, MOST_STEPS) if _follow_motion(model) else None
+    return (
+        _tried(softened(model, error.signals), [error], error.nuisance, MOST_STEPS) if _follow_motion(model) else None
+    )
 
 
 def sizes_of(model: Model, data: Problem) -> MotionScales:
@@ -175,7 +174,11 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, fits = now.data.suited(begin), list[Regression]()
     for guess in guesses(name, begin, now, data)[:STARTS]:
-        if len(fits) < most and not is_over() and (fit := _tried(sized(guess, now, data), data, guess.nuisance, steps)):
+        if (
+            len(fits) < most
+            and not is_over()
+            and (fit := _tried(sized(guess, now, data), [data], guess.nuisance, steps))
+        ):
             fits += [fit] if are_consistent(fit.model, [name]) else []
     return min(fits, key=lambda one: one.rms, default=None)
 
@@ -197,22 +200,22 @@ def _fitted_from_acceleration(
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
     start = _with_values(wide, begun.model).replace(own)
     data = data.suited([start])
-    parts = [*([] if data.is_driven else [data.first(share) for share in HORIZONS]), data]
-    beside = min((data.nuisance, now.nuisance), key=lambda one: _norm_of(parts[0], start, one))
-    other = not_vanished(start, now.model)
-    begin = [start] if other == start else [start, other]
-    return min((fit for one in begin if (fit := _continued(one, parts, beside))), key=lambda one: one.rms, default=None)
+    beside = min((data.nuisance, now.nuisance), key=lambda one: _norm_of(data.horizons[0], start, one))
+    begin = {id(one): one for one in (start, _not_vanished(start, now.model))}.values()
+    fits = [fit for one in begin if (fit := _tried(one, data.horizons, beside, SHORT))]
+    return min(fits, key=lambda one: one.rms, default=None)
 
 
-def _continued(start: Model, parts: Sequence[Problem], beside: FloatArray) -> Regression | None:
-    """The fit to the last of these parts of a motion, through those before it, of a few steps each; None where one
-    fails or the time is up."""
-    fit = None
-    for part in parts:
-        fit = None if is_over() else _tried(start, part, beside, SHORT)
-        if fit is None:
-            return None
-        start, beside = fit.model, fit.nuisance
+def continued(
+    model: Model, horizons: Sequence[Problem], nuisance: FloatArray, steps: int = MOST_STEPS
+) -> Regression:  # fmt: skip
+    """The fit of the last of these problems, which begins at that of the one before (a homotopy), with so many steps
+    each.  What a shorter horizon takes to zero begins anew, as a longer one would not leave zero.  Raises ModelError
+    where the motion cannot be simulated."""
+    start = model
+    for part in horizons:
+        fit = regressed(_not_vanished(model, start), part, nuisance, steps)
+        model, nuisance = fit.model, fit.nuisance
     return fit
 
 
@@ -236,8 +239,8 @@ def _fitted_behind_command(name: str, wide: Model, now: Regression, data: Output
     full = f"{name}.{effect.delays_by}"
     late = wide.replace({full: wide.parameters[full].clipped(TRAILS * trail)})
     suited = data.suited([late])
-    begun = _tried(held(late, [full]), suited, suited.begun(late, now.nuisance), SHORT)
-    return begun and _tried(begun.model.replace({full: late.parameters[full]}), suited, begun.nuisance, SHORT)
+    begun = _tried(held(late, [full]), [suited], suited.begun(late, now.nuisance), SHORT)
+    return begun and _tried(begun.model.replace({full: late.parameters[full]}), [suited], begun.nuisance, SHORT)
 
 
 def _follow_motion(model: Model) -> bool:
@@ -277,26 +280,34 @@ def _blurred_speed(data: Problem) -> float:
     return max(rms(one.acceleration) / (2 * np.pi * one.band_hz) for one in data.signals)
 
 
-def not_vanished(model: Model, start: Model) -> Model:
+def _not_vanished(model: Model, start: Model) -> Model:
     """The model with the values of ``start`` for those parameters that a short horizon, or a fit to the acceleration,
     took to zero, as a later fit would not leave zero.  Without this, a mass that is damped within four swings had no
     damping."""
     first = {name: start.parameters[name].value for name in set(free_names(start)) & set(free_names(model))}
-    return model.replace(
-        {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}
-    )
+    lost = {name: v for name, v in first.items() if v > 0 and model.parameters[name].value < VANISHED * v}
+    return model.replace(lost) if lost else model
 
 
 def refined(fit: Regression) -> Regression:
     """Continues a fit that was ended after a few steps, by at most ``LONG`` steps.  A model that was not fitted to the
     end makes every effect look needed: the bar of a flexible arm had 0.24 left, and 0.08 with a drag of zero."""
-    return _tried(fit.model, fit.data, fit.nuisance, LONG) or fit
+    return _tried(fit.model, [fit.data], fit.nuisance, LONG) or fit
 
 
-def _tried(model: Model, data: Problem, nuisance: FloatArray, steps: int) -> Regression | None:
+def resolved(fit: Regression) -> Regression:
+    """The fit with an integration step whose error is small against the residual, if the time allows; see
+    ``OutputError.resolved``."""
+    if not isinstance(fit.data, OutputError) or is_over():
+        return fit
+    data = fit.data.resolved(fit.model, fit.nuisance)
+    return fit if data is fit.data else refined(replace(fit, data=data))
+
+
+def _tried(model: Model, horizons: Sequence[Problem], nuisance: FloatArray, steps: int) -> Regression | None:
     """The fit; None where the model cannot be simulated or the fit fails."""
     try:
-        found = regressed(model, data, nuisance, steps)
+        found = continued(model, horizons, nuisance, steps)
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return None
     return found if np.isfinite(found.residual).all() else None

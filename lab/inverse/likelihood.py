@@ -27,14 +27,15 @@ from lostmotion.lab.inverse.candidates import (
     SHORT,
     by_acceleration,
     candidates,
+    continued,
     fitted_by_acceleration,
     fitted_with,
     refined,
+    resolved,
     starts,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
 from lostmotion.lab.inverse.first_values import turns_of
-from lostmotion.lab.inverse.free_motion import continued, resolved
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, generalised, regressed
@@ -157,10 +158,9 @@ class WholeMotion:
     def first(self) -> Fitted:
         """The fit of the model as it is."""
         if self.method is Method.MOTION:
-            fit = regressed if self.is_driven else continued
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
-            best = min((fit(*entry) for entry in _promising(begun)), key=lambda one: one.rms)
-            best = refined(best) if self.is_driven else best
+            fits = (continued(start, data.horizons, data.nuisance) for start, data in _promising(begun))
+            best = refined(min(fits, key=lambda one: one.rms))
             return Fitted(best, best)
         return self._fitted(_with_load(softened(self.model, self.signals), self.signals))
 

@@ -47,6 +47,9 @@ end of the band: a search of 113 000 readings of a pendulum over two minutes did
 ACCURACY = 1e-6
 """Share of the motion that counts as an error of its integration: to a mass whose motion was itself computed, and that
 was followed to 1e-8, a clock that is off by 28 ppm was named."""
+HORIZONS = (0.2, 0.5)
+"""Shares of a free swing that are fitted before the whole: a frequency error of 2 % is out of phase after ten swings,
+and a fit to the whole would end in a local minimum."""
 STEPS = 4.0
 """Integration steps of a fit, times the model's own choice."""
 RESOLVED, HALVINGS = 0.1, 5
@@ -80,7 +83,12 @@ class OutputError(Problem):
         is_driven = any(one.experiment.is_driven for one in moving)
         return cls(moving, step, free_states(model, is_driven), prior_centre=model)
 
-    def first(self, share: float) -> OutputError:
+    @property
+    def horizons(self) -> list[OutputError]:
+        """The problem for the shares ``HORIZONS`` of a free motion, and for the whole of it."""
+        return [*([] if self.is_driven else map(self._first, HORIZONS)), self]
+
+    def _first(self, share: float) -> OutputError:
         """The problem for the first part of each recording; share: of its duration."""
         parts = [
             replace(one, experiment=one.experiment.between(one.time[0], one.time[0] + share * one.experiment.duration))
