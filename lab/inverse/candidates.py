@@ -6,9 +6,7 @@ that, to first order, explain most of the residual of the present fit.  No selec
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -186,24 +184,19 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
 def _fitted_from_acceleration(
     name: str, wide: Model, now: Regression, begun: Regression | None, data: OutputError
 ) -> Regression | None:
-    """The fit of a simulated motion that begins at the estimates of a fit to the acceleration; a free motion is fitted
-    on a growing horizon.
+    """The fit of a simulated motion that begins at the estimates of a fit to the acceleration, and at the present
+    values of what that took to zero; a free motion is fitted on a growing horizon.
 
-    What that took to zero may also begin at its present value, as a fit hardly leaves a bound.  The initial state is
-    the measured one, or that of the present fit, whichever leaves the smaller error at first: the present fit may have
-    compensated a missing effect by it, and the measured one has the noise of the sensor.  The period of a pendulum that
-    swings by 100 degrees depends on its amplitude: from the measured state, in steps of 0.01 rad, it was out of phase
-    within 20 swings, and Coulomb friction and drag in the place of viscous friction were lost.
+    The initial state is that of the present fit, as the measured one has the noise of the sensor.  The period of a
+    pendulum that swings by 100 degrees depends on its amplitude: from the measured state, in steps of 0.01 rad, it was
+    out of phase within 20 swings, and Coulomb friction and drag in the place of viscous friction were lost.
     """
     if not begun or is_over():
         return None
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
-    start = _with_values(wide, begun.model).replace(own)
+    start = _not_vanished(_with_values(wide, begun.model).replace(own), now.model)
     data = data.suited([start])
-    beside = min((data.nuisance, now.nuisance), key=lambda one: _norm_of(data.horizons[0], start, one))
-    begin = {id(one): one for one in (start, _not_vanished(start, now.model))}.values()
-    fits = [fit for one in begin if (fit := _tried(one, data.horizons, beside, SHORT))]
-    return min(fits, key=lambda one: one.rms, default=None)
+    return _tried(start, data.horizons, data.begun(start, now.nuisance), SHORT)
 
 
 def continued(
@@ -217,14 +210,6 @@ def continued(
         fit = regressed(_not_vanished(model, start), part, nuisance, steps)
         model, nuisance = fit.model, fit.nuisance
     return fit
-
-
-def _norm_of(data: Problem, model: Model, nuisance: FloatArray) -> float:
-    """The norm of the residual, infinite where the model cannot be simulated."""
-    with suppress(ModelError):
-        residual = data.residual(model, nuisance)
-        return float(np.linalg.norm(residual)) if np.isfinite(residual).all() else math.inf
-    return math.inf
 
 
 def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
