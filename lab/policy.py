@@ -82,8 +82,6 @@ FINISHED = 5
 in the search with observers, and by the score test.  A hidden effect was among the first three after the first
 generations of observers (docs/decisions/0009).  Half of the five are evolved to the end and fitted, as the hidden
 effect was first or second after the second generations of six searches (seed 905)."""
-NEAR_REST = 0.5
-"""Share of the usual speed: an effect near rest that reaches further cannot be distinguished from one of all speeds."""
 LEAST_PERIODS = 2.0
 """A torque of N periods a turn is distinguished from a slowly varying one when the motion covers so many periods."""
 
@@ -108,10 +106,10 @@ DELAY_SHARE = 1e-3
 """Least share of the power of the torque's derivative by a delay that inertia, friction and weight do not explain.  It
 is 6e-5 in a motor under a sine, where only what the filter leaves of harmonics distinguishes them, and 0.007 to 0.4 in
 seven measured motors and joints whose delays are significant."""
-UNSURE_SPEED, SURE_SPEED, SLOW_SPEED = 0.02, 3.0, 0.25
-"""A part is at rest below this share of its usual speed, or below so many standard deviations of the speed's noise, but
-never above this share of the usual speed: there dry friction may have any value up to its largest.  A robot's joint
-that stands still for two thirds of a recording had no friction (p = 1) before samples at rest were left out."""
+UNSURE_SPEED = 0.02
+"""A part is at rest below this share of its usual speed: there dry friction may have any value up to its largest.  A
+robot's joint that stands still for two thirds of a recording had no friction (p = 1) before samples at rest were left
+out."""
 
 # Time
 

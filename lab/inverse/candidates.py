@@ -16,7 +16,7 @@ from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import held, with_free_states
-from lostmotion.lab.inverse.first_values import guesses, sized, turns_of
+from lostmotion.lab.inverse.first_values import guesses, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
@@ -36,13 +36,13 @@ __all__ = [
     "SHORT",
     "by_acceleration",
     "candidates",
-    "continued",
     "fitted_by_acceleration",
     "fitted_with",
     "refined",
     "resolved",
     "sizes_of",
     "starts",
+    "tried",
 ]
 
 STARTS = 3
@@ -70,9 +70,7 @@ def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | No
     """The fit of the model that minimises the equation error; None where the acceleration does not follow from the
     measured motion."""
     error = EquationError.driven(signals)
-    return (
-        _tried(softened(model, error.signals), [error], error.nuisance, MOST_STEPS) if _follow_motion(model) else None
-    )
+    return tried(softened(model, error.signals), [error], error.nuisance, MOST_STEPS) if _follow_motion(model) else None
 
 
 def sizes_of(model: Model, data: Problem) -> MotionScales:
@@ -172,11 +170,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, fits = now.data.suited(begin), list[Regression]()
     for guess in guesses(name, begin, now, data)[:STARTS]:
-        if (
-            len(fits) < most
-            and not is_over()
-            and (fit := _tried(sized(guess, now, data), [data], guess.nuisance, steps))
-        ):
+        if len(fits) < most and not is_over() and (fit := tried(guess.model, [data], guess.nuisance, steps)):
             fits += [fit] if are_consistent(fit.model, [name]) else []
     return min(fits, key=lambda one: one.rms, default=None)
 
@@ -196,20 +190,7 @@ def _fitted_from_acceleration(
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
     start = _not_vanished(_with_values(wide, begun.model).replace(own), now.model)
     data = data.suited([start])
-    return _tried(start, data.horizons, data.begun(start, now.nuisance), SHORT)
-
-
-def continued(
-    model: Model, horizons: Sequence[Problem], nuisance: FloatArray, steps: int = MOST_STEPS
-) -> Regression:  # fmt: skip
-    """The fit of the last of these problems, which begins at that of the one before (a homotopy), with so many steps
-    each.  What a shorter horizon takes to zero begins anew, as a longer one would not leave zero.  Raises ModelError
-    where the motion cannot be simulated."""
-    start = model
-    for part in horizons:
-        fit = regressed(_not_vanished(model, start), part, nuisance, steps)
-        model, nuisance = fit.model, fit.nuisance
-    return fit
+    return tried(start, data.horizons, data.begun(start, now.nuisance), SHORT)
 
 
 def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
@@ -224,8 +205,8 @@ def _fitted_behind_command(name: str, wide: Model, now: Regression, data: Output
     full = f"{name}.{effect.delays_by}"
     late = wide.replace({full: wide.parameters[full].clipped(TRAILS * trail)})
     suited = data.suited([late])
-    begun = _tried(held(late, [full]), [suited], suited.begun(late, now.nuisance), SHORT)
-    return begun and _tried(begun.model.replace({full: late.parameters[full]}), [suited], begun.nuisance, SHORT)
+    begun = tried(held(late, [full]), [suited], suited.begun(late, now.nuisance), SHORT)
+    return begun and tried(begun.model.replace({full: late.parameters[full]}), [suited], begun.nuisance, SHORT)
 
 
 def _follow_motion(model: Model) -> bool:
@@ -240,12 +221,11 @@ def _with_values(model: Model, other: Model) -> Model:
 
 
 def _within_speeds(model: Model, name: str, size: MotionScales, blurred: float) -> Model:
-    """The model with the characteristic speeds of an effect bounded to those of the motion; lower speeds count as rest,
-    or are ``blurred`` [rad/s] by the filter."""
-    high = policy.NEAR_REST * size.speed
-    low = min(max(policy.UNSURE_SPEED * size.speed, blurred), high / 2)
+    """The model with characteristic speeds of an effect above those that count as rest, and those that are ``blurred``
+    [rad/s] by the filter."""
+    low = max(policy.UNSURE_SPEED * size.speed, blurred)
     speeds = {
-        full: replace(p, value=min(max(p.value, low), high), low=low, high=high)
+        full: replace(p, value=max(p.value, low), low=low, high=max(p.high, low))
         for full, p in model.parameters.items()
         if full.startswith(f"{name}.") and p.unit == "rad/s" and not p.fixed
     }
@@ -277,7 +257,7 @@ def _not_vanished(model: Model, start: Model) -> Model:
 def refined(fit: Regression) -> Regression:
     """Continues a fit that was ended after a few steps, by at most ``LONG`` steps.  A model that was not fitted to the
     end makes every effect look needed: the bar of a flexible arm had 0.24 left, and 0.08 with a drag of zero."""
-    return _tried(fit.model, [fit.data], fit.nuisance, LONG) or fit
+    return tried(fit.model, [fit.data], fit.nuisance, LONG) or fit
 
 
 def resolved(fit: Regression) -> Regression:
@@ -289,13 +269,20 @@ def resolved(fit: Regression) -> Regression:
     return fit if data is fit.data else refined(replace(fit, data=data))
 
 
-def _tried(model: Model, horizons: Sequence[Problem], nuisance: FloatArray, steps: int) -> Regression | None:
-    """The fit; None where the model cannot be simulated or the fit fails."""
+def tried(
+    model: Model, horizons: Sequence[Problem], nuisance: FloatArray, steps: int = MOST_STEPS
+) -> Regression | None:
+    """The fit of the last of these problems, which begins at that of the one before (a homotopy), with so many steps
+    each; None where the motion cannot be simulated or a fit fails.  What a shorter horizon takes to zero begins anew,
+    as a longer one would not leave zero."""
+    found, start = None, model
     try:
-        found = continued(model, horizons, nuisance, steps)
+        for part in horizons:
+            found = regressed(_not_vanished(model, start), part, nuisance, steps)
+            model, nuisance = found.model, found.nuisance
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return None
-    return found if np.isfinite(found.residual).all() else None
+    return found if found and np.isfinite(found.residual).all() else None
 
 
 def _needs_angle(name: str) -> bool:

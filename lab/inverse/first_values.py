@@ -24,27 +24,24 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Guess", "guesses", "sized", "turns_of"]
+__all__ = ["Guess", "guesses", "turns_of"]
 
 ANGLES = 6
 """Zero angles of an encoder that are tried in a period of an effect: one of them is at most 30 degrees of phase off."""
 ROUNDING = 1e-6
 """An effect that changes the residual by less than this share of it acts on a sensor that was not recorded."""
-PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)
-"""Shares of the linearly extrapolated amplitude that are tried in turn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
     """First values of a fit with one more effect; nuisance: the initial nuisance parameters (E,).
 
-    gain: the decrease of the squared residual to first order, with these amplitudes by name, before they are ``sized``.
+    gain: the decrease of the squared residual to first order.
     """
 
     gain: float
     model: Model
     nuisance: FloatArray
-    amplitudes: dict[str, float]
 
 
 def guesses(name: str, shapes: Sequence[Model], now: Regression, data: Problem) -> list[Guess]:
@@ -72,20 +69,9 @@ def _guess(name: str, shape: Model, nuisance: FloatArray, column: FloatArray, no
     names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
     signed = all(shape.parameters[full].low < 0 for full in names)
     if names and not (factor > 0 or signed):
-        return Guess(0.0, shape, nuisance, {})
-    return Guess(factor**2 * power, shape, nuisance, {full: shape.parameters[full].value * factor for full in names})
-
-
-def sized(guess: Guess, now: Regression, data: Problem) -> Model:
-    """The model with the largest share of the amplitudes of a guess with which the error is smaller than without the
-    effect, so that the fit can descend."""
-    start = guess.model
-    for part in PARTS if guess.amplitudes else ():
-        start = start.replace({full: start.parameters[full].clipped(part * v) for full, v in guess.amplitudes.items()})
-        residual = data.residual(start, guess.nuisance)
-        if np.isfinite(residual).all() and float(residual @ residual) < float(now.residual @ now.residual):
-            break
-    return start
+        return Guess(0.0, shape, nuisance)
+    sizes = {full: p.clipped(factor * p.value) for full in names for p in (shape.parameters[full],)}
+    return Guess(factor**2 * power, shape.replace(sizes), nuisance)
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:

@@ -27,12 +27,12 @@ from lostmotion.lab.inverse.candidates import (
     SHORT,
     by_acceleration,
     candidates,
-    continued,
     fitted_by_acceleration,
     fitted_with,
     refined,
     resolved,
     starts,
+    tried,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
 from lostmotion.lab.inverse.first_values import turns_of
@@ -159,7 +159,9 @@ class WholeMotion:
         """The fit of the model as it is."""
         if self.method is Method.MOTION:
             begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
-            fits = (continued(start, data.horizons, data.nuisance) for start, data in _promising(begun))
+            fits = [fit for start, data in _promising(begun) if (fit := tried(start, data.horizons, data.nuisance))]
+            if not fits:
+                raise ModelError("the motion cannot be simulated with the first values of the parameters")
             best = refined(min(fits, key=lambda one: one.rms))
             return Fitted(best, best)
         return self._fitted(_with_load(softened(self.model, self.signals), self.signals))

@@ -188,7 +188,7 @@ class InverseModel(Problem):
 
     def misfits(self, points: Sequence[Point]) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (K, M) [N m]."""
-        torques = zip(*(self.needed(*point) for point in points), strict=True)
+        torques = zip(*[self.needed(*point) for point in points], strict=True)
         pairs = zip(self.signals, torques, strict=True)
         return np.concatenate([one.filtered(one.torque - np.array(each)) for one, each in pairs], axis=1)
 

@@ -232,9 +232,6 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
         _prior_weights(most, data.residual(unknowns.put(model, first), z[count:]), data, model) if most.any() else most
     )
     once = _minimised(model, data, unknowns, z, weight, near, steps)
-    fitted = _prior_weights(most, once.residual, data, model)
-    if steps >= MOST_STEPS and (2 * fitted < weight).any():
-        return _minimised(model, data, unknowns, np.concatenate([once.z, once.nuisance]), fitted, near, steps)
     unidentified = _unidentified(once) if data.prior_centre is None else np.zeros(count, dtype=bool)
     if not unidentified.any():
         return once

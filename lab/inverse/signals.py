@@ -189,9 +189,7 @@ class Signals:
     @property
     def _rest_speed(self) -> float:
         """The speed below which a sample counts as at rest, as the sign of its speed is unknown [rad/s]."""
-        usual = rms(self.velocity)
-        noise = self._derivative_noise(min(WHOLE * self.band_hz, FASTEST * self._rate), 1)
-        return min(max(policy.SURE_SPEED * noise, policy.UNSURE_SPEED * usual), policy.SLOW_SPEED * usual)
+        return policy.UNSURE_SPEED * rms(self.velocity)
 
     @property
     def _rate(self) -> float:
@@ -240,14 +238,8 @@ class Signals:
     @property
     def acceleration_noise(self) -> float:
         """Root mean square of the error of the acceleration within the band that the noise of the angle causes
-        [rad/s²]."""
-        return self._derivative_noise(self.band_hz, 2)
-
-    def _derivative_noise(self, end_hz: float, order: int) -> float:
-        """Root mean square of the error of a derivative of the angle up to a frequency: the square root of the integral
-        of (2 pi f)^(2 order) S, S being the power density of the noise."""
-        power = 2 * order + 1
-        return float(np.sqrt(self.position_density * (2 * np.pi) ** (2 * order) * end_hz**power / power))
+        [rad/s²]: the square root of the integral of (2 pi f)^4 S, S being the power density of the noise."""
+        return float(np.sqrt(self.position_density * (2 * np.pi) ** 4 * self.band_hz**5 / 5))
 
 
 def is_moving(velocity: FloatArray) -> NDArray[np.bool_]:

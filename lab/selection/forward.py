@@ -29,7 +29,6 @@ from lostmotion.lab.selection.evidence import (
     shapes_tried,
     simplest,
 )
-from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 
 __all__ = ["Likelihood", "Proposals", "Selection", "Step", "named", "selected", "step"]
@@ -219,27 +218,25 @@ def _ranked(
 
 def named(alike: Sequence[Candidate[F]], likelihood: Likelihood[F]) -> Candidate[F]:
     """Chooses one of several effects that explain the data equally well: of the simplest the one that predicts all
-    unseen samples best, then by ``_preferred``."""
+    unseen samples best, then one that ``_is_preferred``."""
     simple = simplest(alike)
     if len(simple) == 1:
         return simple[0]
     left = [likelihood.predictions(one.fit, simple[0].fit, of_all=True).usual for one in simple]
     best = [one for one, error in zip(simple, left, strict=True) if error * (1 - policy.LEAST_GAIN) <= min(left)]
-    return min(best, key=lambda one: (*_preferred(one, likelihood.turns), one.fit.rms))
+    return min(best, key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.rms))
 
 
-def _preferred(one: Candidate[F], turns: float) -> tuple[bool, bool]:
-    """Sort key for effects of the same shape: periodic ones first where a shaft turns, then the more likely one of a
-    kind."""
-    repeats = f"{one.effect}.N" in one.fit.model.parameters
-    return repeats != (turns >= SHAFT_TURNS), bool(get_effect(one.effect).likelier)
+def _is_preferred(one: Candidate[F], turns: float) -> bool:
+    """Whether an effect is periodic where a shaft turns, and not periodic elsewhere."""
+    return (f"{one.effect}.N" in one.fit.model.parameters) == (turns >= SHAFT_TURNS)
 
 
 def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> list[Step[F]]:
     """The steps of a pair of effects, where neither is significant alone; none where no pair is.
 
     A pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Its first effect
-    is the one that explains most of what proposes candidates, of equals the one that is ``_preferred``: gravity without
+    is the one that explains most of what proposes candidates, of equals one that ``_is_preferred``: gravity without
     damping is out of phase after some swings, and predicts nothing.  The other pair is that of ``opposed``.
     """
     alone = {one.effect: one for one in step_alone.judged}
@@ -250,7 +247,7 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     found: list[list[Step[F]]] = []
     tries: list[tuple[Candidate[F], Sequence[str]]] = []
     if promising and likelihood.tries_pairs(added):
-        leading = min(promising, key=lambda one: (*_preferred(one, likelihood.turns), one.fit.screened))
+        leading = min(promising, key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.screened))
         tries.append((leading, ()))
     if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
         tries.append((alone[opposed[0]], opposed[1:]))
