@@ -166,7 +166,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     where the motion is simulated; None where there is none, or the time is up."""
     most, steps = (1, SHORT) if isinstance(now.data, OutputError) else (STARTS, MOST_STEPS)
     size = sizes_of(now.model, now.data)
-    wide = _within_speeds(wide, name, size, _blurred_speed(now.data))
+    wide = _above_rest(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, fits = now.data.suited(begin), list[Regression]()
     for guess in guesses(name, begin, now, data)[:STARTS]:
@@ -179,18 +179,14 @@ def _fitted_from_acceleration(
     name: str, wide: Model, now: Regression, begun: Regression | None, data: OutputError
 ) -> Regression | None:
     """The fit of a simulated motion that begins at the estimates of a fit to the acceleration, and at the present
-    values of what that took to zero; a free motion is fitted on a growing horizon.
-
-    The initial state is that of the present fit, as the measured one has the noise of the sensor.  The period of a
-    pendulum that swings by 100 degrees depends on its amplitude: from the measured state, in steps of 0.01 rad, it was
-    out of phase within 20 swings, and Coulomb friction and drag in the place of viscous friction were lost.
-    """
+    values of what that took to zero, in the measured initial state: that of the present fit is nowhere near it where
+    the weight of a pendulum is missing.  A free motion is fitted on a growing horizon."""
     if not begun or is_over():
         return None
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
     start = _not_vanished(_with_values(wide, begun.model).replace(own), now.model)
     data = data.suited([start])
-    return tried(start, data.horizons, data.begun(start, now.nuisance), SHORT)
+    return tried(start, data.horizons, data.begun(start, now.data.nuisance), SHORT)
 
 
 def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
@@ -220,29 +216,15 @@ def _with_values(model: Model, other: Model) -> Model:
     return model.replace({name: other.parameters[name].value for name in names})
 
 
-def _within_speeds(model: Model, name: str, size: MotionScales, blurred: float) -> Model:
-    """The model with characteristic speeds of an effect above those that count as rest, and those that are ``blurred``
-    [rad/s] by the filter."""
-    low = max(policy.UNSURE_SPEED * size.speed, blurred)
+def _above_rest(model: Model, name: str, size: MotionScales) -> Model:
+    """The model with characteristic speeds of an effect above those that count as rest."""
+    low = policy.UNSURE_SPEED * size.speed
     speeds = {
         full: replace(p, value=max(p.value, low), low=low, high=max(p.high, low))
         for full, p in model.parameters.items()
         if full.startswith(f"{name}.") and p.unit == "rad/s" and not p.fixed
     }
     return model.replace(speeds)
-
-
-def _blurred_speed(data: Problem) -> float:
-    """The speed [rad/s] that the part gains at its usual acceleration within the response time 1/(2 pi f) of the filter
-    of an inverse model, f being the end of the band; 0 where nothing is filtered.
-
-    The filter rounds a reversal over this time, and where the part sticks its true speed is zero for a while.  Four of
-    five simulated arms with Coulomb friction and a weight were said to have Stribeck friction at 2 to 5 % of their
-    usual speed; with this bound one of six.
-    """
-    if not isinstance(data, InverseModel):
-        return 0.0
-    return max(rms(one.acceleration) / (2 * np.pi * one.band_hz) for one in data.signals)
 
 
 def _not_vanished(model: Model, start: Model) -> Model:

@@ -101,13 +101,13 @@ class Objective:
         return found
 
 
-def prior_of(unknowns: Unknowns, centre: Model | None) -> tuple[FloatArray, FloatArray]:
+def prior_of(unknowns: Unknowns, centre: Model, misfit: float) -> tuple[FloatArray, FloatArray]:
     """The weights and the centres of the prior in z, (P,) each.  Only positive parameters of the base have a prior;
-    without a centre none has."""
+    misfit: of the fit so far, relative to the signal, infinite or NaN where it cannot be simulated."""
     weight, near = np.zeros(len(unknowns.items)), np.zeros(len(unknowns.items))
     for at, item in enumerate(unknowns.items):
-        if centre and item.logarithmic and "." not in item.name:
-            weight[at], near[at] = PRIOR, math.log(centre.parameters[item.name].value)
+        if item.logarithmic and "." not in item.name:
+            weight[at], near[at] = np.fmin(PRIOR, misfit), math.log(centre.parameters[item.name].value)
     return weight, near
 
 

@@ -227,24 +227,17 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     first = z[:count]
     if not z.size:
         return Regression(model, data, unknowns, z, data.residual(model, z), np.empty((sum(data.counts), 0)), z)
-    most, near = prior_of(unknowns, data.prior_centre)
-    weight = (
-        _prior_weights(most, data.residual(unknowns.put(model, first), z[count:]), data, model) if most.any() else most
-    )
-    once = _minimised(model, data, unknowns, z, weight, near, steps)
-    unidentified = _unidentified(once) if data.prior_centre is None else np.zeros(count, dtype=bool)
+    if data.prior_centre and count:
+        misfit = rms(data.residual(unknowns.put(model, first), z[count:])) / _signal_rms(data, model)
+        weight, near = prior_of(unknowns, data.prior_centre, misfit)
+        return _minimised(model, data, unknowns, z, weight, near, steps)
+    once = _minimised(model, data, unknowns, z, np.zeros(count), first, steps)
+    unidentified = _unidentified(once)
     if not unidentified.any():
         return once
     near = np.where(unidentified, np.maximum(first, _unnoticed(once, first, unidentified)), first)
     weight = np.asarray(unidentified * once.rms / _signal_rms(data, model))
     return _minimised(model, data, unknowns, z, weight, near, steps)
-
-
-def _prior_weights(most: FloatArray, residual: FloatArray, data: Problem, model: Model) -> FloatArray:
-    """The weights of the prior (P,) for a fit with this residual (M,): the misfit relative to the signal, but at most
-    ``most`` (P,)."""
-    misfit = rms(residual) if np.isfinite(residual).all() else math.inf
-    return np.minimum(most, misfit / _signal_rms(data, model))
 
 
 def generalised(fit: Regression) -> Regression:

@@ -100,12 +100,11 @@ def test_an_offset_of_the_accelerometer_is_no_effect(offset: float, tmp_path: Pa
     assert answer["error"]["after"] == pytest.approx(0.02, rel=0.15)
 
 
-@pytest.mark.parametrize(("blurred", "low"), [(0.0, 0.006), (0.04, 0.04), (9.0, 9.0)])
-def test_a_speed_at_which_friction_changes_is_one_of_the_motion(blurred: float, low: float) -> None:
+def test_a_speed_at_which_friction_changes_is_one_of_the_motion() -> None:
     """Below a fiftieth of the usual speed a joint rests: there a Stribeck friction may be anything, and was 35 N m of a
-    wrist whose motor gave 0.4.  Nor is it below the speed that the filter blurs."""
+    wrist whose motor gave 0.4."""
     model = build_model("joint", ["stribeck_friction"])
     size: Any = SimpleNamespace(speed=0.3)
-    speed = candidates._within_speeds(model, "stribeck_friction", size, blurred).parameters["stribeck_friction.omega_s"]
-    assert speed.low == pytest.approx(low)
+    speed = candidates._above_rest(model, "stribeck_friction", size).parameters["stribeck_friction.omega_s"]
+    assert speed.low == pytest.approx(0.006)
     assert speed.low <= speed.value <= speed.high
