@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 STARTS = 3
-"""Number of initial guesses of an effect from which it is fitted."""
+"""Largest number of initial guesses of an effect from which it is fitted, one after the other."""
 TRAILS = 0.6
 """Share of the time by which a servo trails its command, for which an effect that delays it stands at first: the rest
 is the response of its controller.  From 0.1 and 0.3 of it the fit above ends at 19 ms, from 0.6 at 36 ms."""
@@ -162,17 +162,18 @@ def fitted_by_acceleration(wide: tuple[str, Model], inverse: Regression) -> Regr
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression | None:
-    """The best of ``STARTS`` fits from the initial guesses that explain most of the residual, or one fit of a few steps
-    where the motion is simulated; None where there is none, or the time is up."""
-    most, steps = (1, SHORT) if isinstance(now.data, OutputError) else (STARTS, MOST_STEPS)
+    """The fit from that of the ``STARTS`` best initial guesses, by what they explain of the residual, which first leads
+    to one that fits the name; of a few steps where the motion is simulated.  None where there is none, or the time is
+    up."""
     size = sizes_of(now.model, now.data)
     wide = _above_rest(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
-    data, fits = now.data.suited(begin), list[Regression]()
+    data, steps = now.data.suited(begin), SHORT if isinstance(now.data, OutputError) else MOST_STEPS
     for guess in guesses(name, begin, now, data)[:STARTS]:
-        if len(fits) < most and not is_over() and (fit := tried(guess.model, [data], guess.nuisance, steps)):
-            fits += [fit] if are_consistent(fit.model, [name]) else []
-    return min(fits, key=lambda one: one.rms, default=None)
+        fit = None if is_over() else tried(guess.model, [data], guess.nuisance, steps)
+        if fit and are_consistent(fit.model, [name]):
+            return fit
+    return None
 
 
 def _fitted_from_acceleration(
