@@ -62,10 +62,10 @@ def coloured(seed: int) -> Recording:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "p_value", "added"), [(56, 0.0392, ("coulomb_friction",)), (191, 0.116, ())])
+@pytest.mark.parametrize(("number", "p_value", "added"), [(56, 0.048, ("coulomb_friction",)), (191, 0.116, ())])
 def test_a_false_name_is_as_rare_as_its_level(number: int, p_value: float, added: tuple[str, ...]) -> None:
     """Of 300 searches in one short recording, with a judged one as a further fold, two named an effect although nothing
-    is missing (5 % are allowed): those with p = 0.025 and 0.039.  The next had 0.116, 0.16 and 0.23."""
+    is missing (5 % are allowed): those with p = 0.025 and 0.048.  The next had 0.116, 0.16 and 0.23."""
     found = search([coloured(2 * number), coloured(2 * number + 1)], is_fold=True)
     apt = [one.p_value for one in found.steps[0].judged if one.gain > 0.05 and one.is_identified]
     assert min(apt) == pytest.approx(p_value, rel=0.15)
