@@ -230,7 +230,11 @@ def regressed(model: Model, data: Problem, nuisance: FloatArray | None = None, s
     if data.prior_centre and count:
         misfit = rms(data.residual(unknowns.put(model, first), z[count:])) / _signal_rms(data, model)
         weight, near = prior_of(unknowns, data.prior_centre, misfit)
-        return _minimised(model, data, unknowns, z, weight, near, steps)
+        once = _minimised(model, data, unknowns, z, weight, near, steps)
+        less, _ = prior_of(unknowns, data.prior_centre, once.rms / _signal_rms(data, model))
+        if steps < MOST_STEPS or not (2 * less < weight).any():
+            return once
+        return _minimised(model, data, unknowns, np.concatenate([once.z, once.nuisance]), less, near, steps)
     once = _minimised(model, data, unknowns, z, np.zeros(count), first, steps)
     unidentified = _unidentified(once)
     if not unidentified.any():
