@@ -86,8 +86,9 @@ class SegmentFit:
 
     @property
     def is_far(self) -> bool:
-        """Whether the error exceeds ``policy.FAR`` times the floor, which disturbances of the readings alone cause."""
-        return max(self.unseen.error, self.level.typical) >= policy.FAR * self.floor
+        """Whether the error is more than noise, or exceeds the floor, see ``policy.FAR``."""
+        worst = max(self.unseen.error, self.level.typical)
+        return worst >= policy.FAR * self.floor or worst > policy.UNLIKE_NOISE
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,27 +133,22 @@ class ShortSegments:
         self, now: SegmentFit, added: tuple[str, ...], only: Sequence[str] = ()
     ) -> Iterator[Proposals[SegmentFit]]:
         """Near the noise, the fits of the effects with significant scores.  Far from it, first the fits of the effects
-        with the largest scores; then those that observers propose, or, where the shortest segments are near the noise,
-        the best of the fits of all other effects, whose minima are then close to the values without them."""
+        with the largest scores; then those that observers propose, as the minima of the others may be far from the
+        values without them, even where these follow the shortest segments."""
         task, pool, level = self.task, self.pool, now.short if now.is_far else now.level
         may = others(now.model)
         scores = score_test(level, may, task.substep_s, pool, np.random.default_rng(0))
-        if not now.is_far or not scores.directions:
-            asked = [d for d in scores.directions[: policy.FINISHED] if d.statistic > scores.limit]
+        few = scores.directions[: policy.FINISHED]
+        if not now.is_far:
+            asked = [d for d in few if d.statistic > scores.limit]
             yield self._validated(self._with_range(near_trials(level, asked, task, pool), level, may), now, scores)
             return
-        few, rest = scores.directions[: policy.FINISHED], scores.directions[policy.FINISHED :]
-        near = near_trials(level, few, task, pool, FEW_STEPS)
-        trials = full_trials(near, few[0].effect, task, pool)
-        least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
-        yield self._validated(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
-        if level.typical > policy.FAR:
-            yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
-            return
-        near += near_trials(level, rest, task, pool, FEW_STEPS)
-        fitted = {trial.effect for trial in trials}
-        more = full_fits([(one.effect, one.level.model) for one in near if one.effect not in fitted], task, pool)
-        yield self._validated(self._longer(more[: policy.FINISHED]), now, scores)
+        if few:
+            near = near_trials(level, few, task, pool, FEW_STEPS)
+            trials = full_trials(near, few[0].effect, task, pool)
+            least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
+            yield self._validated(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
+        yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
         """The trials on segments of the length of the unseen ones, see ``halving``."""

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -32,6 +33,8 @@ from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Optimum", "search_effects", "search_parameters"]
+
+E = TypeVar("E", "_Population", "Optimum")
 
 FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 24
 """Least size of the first population; its size for each initial guess of an effect with many of them, and its largest
@@ -67,7 +70,7 @@ def search_parameters(model: Model, task: Task, seed: int = 0) -> Model:
     found = _Population(follower, [model], seed)
     found.evolve(BASE_GENERATIONS)
     found.evolve_low_gain()
-    return found.best("").model
+    return found.best().model
 
 
 def search_effects(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Optimum]:
@@ -81,13 +84,10 @@ def search_effects(base: Level, effects: Sequence[str], task: Task, pool: Execut
         return []
     follower, size = _follower(base.model, task), scales_of(base.model, base.segments, task.substep_s)
     begin = partial(_begun, base=base.model, follower=follower.with_more_noise(), size=size)
-    niches = zip(effects, pool.map(begin, effects), strict=True)
-    begun = [(population, effect) for effect, found in niches for population in found]
-    best = _leading(begun, policy.FINISHED, NICHES)
-    further = pool.map(partial(_further, follower=follower), (population for population, _ in best))
-    best = list(zip(further, [effect for _, effect in best], strict=True))
-    best = _leading(best, math.ceil(policy.FINISHED / 2), NICHES_LEFT)
-    return sorted(pool.map(_finished, *zip(*best, strict=True)), key=lambda one: one.cost)
+    begun = [population for niches in pool.map(begin, effects) for population in niches]
+    further = [*pool.map(partial(_further, follower=follower), _leading(begun, 2 * policy.FINISHED, NICHES))]
+    finished = pool.map(_finished, _leading(further, policy.FINISHED, NICHES_LEFT))
+    return _leading([*finished], math.ceil(policy.FINISHED / 2), NICHES_LEFT)
 
 
 def _cost(follower: Follower, model: Model) -> float:
@@ -115,10 +115,13 @@ class _Population:
     """A population of differential evolution (current-to-pbest/1; Zhang and Sanderson 2009): models and their costs.
 
     Whole numbers are taken from one of the best members, and mutated by small steps.  sure: for each initial model,
-    whether its values are those of a fit.
+    whether its values are those of a fit; effect: the one that they have beyond the model of the file.
     """
 
-    def __init__(self, follower: Follower, models: Sequence[Model], seed: int, sure: Sequence[bool] = ()) -> None:
+    def __init__(
+        self, follower: Follower, models: Sequence[Model], seed: int, sure: Sequence[bool] = (), effect: str = ""
+    ) -> None:
+        self.effect = effect
         self._follower, self._coupling, self._random = follower, STRONG, np.random.default_rng(seed)
         self._unknowns = Unknowns.of(models[0], follower.rough)
         self._whole = [name for name, p in models[0].parameters.items() if p.domain.is_whole and "." in name]
@@ -141,11 +144,16 @@ class _Population:
             costs = np.append(costs, self._costs(models[part], z[part], most))
         return costs
 
-    def best(self, effect: str) -> Optimum:
-        """The member with the least cost; effect: the one that it has beyond the model of the file."""
+    @property
+    def cost(self) -> float:
+        """The least cost of a member."""
+        return float(self.costs.min())
+
+    def best(self) -> Optimum:
+        """The member with the least cost."""
         best = int(np.argmin(self.costs))
         model = self._unknowns.put(self._models[best], self._z[best])
-        return Optimum(model, _cost(self._follower, model), effect)
+        return Optimum(model, _cost(self._follower, model), self.effect)
 
     def evolve_low_gain(self) -> None:
         """Evaluates the population with the low gain, and evolves it by some more generations."""
@@ -206,7 +214,7 @@ def _begun(effect: str, base: Model, follower: Follower, size: MotionScales) -> 
     populations = []
     for part in _niches(models[0], found):
         every = [model.replace(values) for values in part for model in models]
-        populations.append(_Population(follower, every, 0, [True, False] * len(part)))
+        populations.append(_Population(follower, every, 0, [True, False] * len(part), effect))
         populations[-1].evolve(EFFECT_GENERATIONS)
     return populations
 
@@ -235,14 +243,12 @@ def _opposite(model: Model, values: dict[str, float]) -> dict[str, float]:
     return {name: -values[name] for name in may if "." in name and not name.endswith(".phi")}
 
 
-def _leading(
-    populations: list[tuple[_Population, str]], effects: int, niches: int
-) -> list[tuple[_Population, str]]:  # fmt: skip
-    """The populations of the best ``effects`` effects, at most ``niches`` of each, best first."""
-    of_effect: dict[str, list[tuple[_Population, str]]] = {}
-    for pair in sorted(populations, key=lambda pair: float(pair[0].costs.min())):
-        of_effect.setdefault(pair[1], []).append(pair)
-    return [pair for pairs in list(of_effect.values())[:effects] for pair in pairs[:niches]]
+def _leading(found: Sequence[E], effects: int, niches: int) -> list[E]:
+    """The best niches of the best ``effects`` effects, at most ``niches`` of each, best first."""
+    of_effect: dict[str, list[E]] = {}
+    for one in sorted(found, key=lambda one: one.cost):
+        of_effect.setdefault(one.effect, []).append(one)
+    return [one for own in list(of_effect.values())[:effects] for one in own[:niches]]
 
 
 def _further(population: _Population, follower: Follower) -> _Population:
@@ -252,7 +258,7 @@ def _further(population: _Population, follower: Follower) -> _Population:
     return population
 
 
-def _finished(population: _Population, effect: str) -> Optimum:
+def _finished(population: _Population) -> Optimum:
     """The best member of a population after its last generations, with the low gain."""
     population.evolve_low_gain()
-    return population.best(effect)
+    return population.best()
