@@ -49,11 +49,12 @@ def explain(
     pool: Executor,
     progress: Progress = lambda what, part: None,
     budget_s: float = policy.BUDGET_S,
+    spent_s: float = 0.0,
 ) -> Explanation:
     """Finds the effects that are missing from the model of these experiments.
 
-    budget_s: about how long it may take [s]; what a first search on a machine compiles does not count.  Raises
-    ModelError where the model cannot be run on the experiments at all.
+    budget_s: about how long it may take [s]; what a first search on a machine compiles does not count; spent_s: what
+    reading the files has taken of it [s].  Raises ModelError where the model cannot be run on the experiments at all.
     """
     method = Method.of(model, experiments)
     in_segments = method is Method.SEGMENTS
@@ -63,8 +64,8 @@ def explain(
     noise = noise_of(experiments)
     train, last = _split(experiments, is_smooth=not in_segments)
     if in_segments:
-        return explained_gears(model, train, last, noise, pool, progress, budget_s)
-    return explained(model, train, last, method, noise, pool, progress, budget_s)
+        return explained_gears(model, train, last, noise, pool, progress, budget_s, spent_s)
+    return explained(model, train, last, method, noise, pool, progress, budget_s - spent_s)
 
 
 def _split(experiments: Sequence[Experiment], is_smooth: bool) -> tuple[list[Experiment], Experiment]:

@@ -150,10 +150,11 @@ def _explained(model: str, recordings: Files, search: SearchOptions) -> Iterator
             from lostmotion.lab.models.own.file import load_effect
             from lostmotion.model.effects.registry import registered
 
-            until = monotonic() + search.budget_s
+            begun = monotonic()
             own.enter_context(registered([load_effect(reference) for reference in search.effects]))
             with _prepared(model, recordings, search.executor) as (built, experiments, pool):
-                found = explain(built, experiments, pool, callback, budget_s=until - monotonic())
+                spent_s = monotonic() - begun
+                found = explain(built, experiments, pool, callback, budget_s=search.budget_s, spent_s=spent_s)
         yield found
 
 

@@ -40,13 +40,14 @@ STEP_COST = 0.4
 
 def explained_gears(
     model: Model, train: Sequence[Experiment], last: Experiment, noise: dict[str, float], pool: Executor,
-    progress: Progress, budget_s: float,
+    progress: Progress, budget_s: float, spent_s: float,
 ) -> Explanation:  # fmt: skip
     """Searches the effects that are missing from a model of gears.
 
     train: the experiments of the fits; last: the one that is predicted, to which no parameter is fitted; noise: root
-    mean square of the noise of each column; budget_s: time of the search [s].  Of long recordings those parts are used
-    that a search can process in this time.  Raises ExperimentError where the recordings were sampled too slowly.
+    mean square of the noise of each column; budget_s, spent_s: time of the search, and the part of it that has gone
+    [s].  Of long recordings those parts are used that a search can process in the whole time, so that the answer does
+    not depend on how fast the files were read.  Raises ExperimentError where the recordings were sampled too slowly.
     """
     _check_rate(model, [*train, last])
     model, held = with_scale(model, [*train, last])
@@ -54,13 +55,14 @@ def explained_gears(
     train, last = _used(model, train, last, budget_s)
     (*train, last), noise = dithered(model, [*train, last], noise)
     task = Task.of(model, train, noise)
+    left_s = budget_s - spent_s
     progress("fitting what is there", 0.0)
-    with within(policy.STAGE_SHARE * budget_s):
+    with within(policy.STAGE_SHARE * left_s):
         short = first_fit(model, task, pool)
         unseen = Unseen(last, task, predictable(short, task), pool)
         selection = selected(ShortSegments(short, unseen), progress)
     progress("refining", 0.9)
-    with within((1 - policy.STAGE_SHARE) * budget_s):
+    with within((1 - policy.STAGE_SHARE) * left_s):
         found = _explanation(selection, task, pool)
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s

@@ -16,6 +16,7 @@ from lostmotion.lab.inverse.problem import Point
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import HandWaved, build_model
+from tests.lab.simulated_gears import GEARS, gears
 
 
 def test_a_block_inside_of_another_has_a_time_of_its_own() -> None:
@@ -76,3 +77,15 @@ def test_an_answer_comes_without_any_time() -> None:
     assert "coulomb_friction" in found.untried
     assert found.missing == ()
     assert np.isfinite(found.error.before)
+
+
+def test_the_used_parts_of_long_recordings_do_not_depend_on_how_fast_they_were_read() -> None:
+    """Of gears those parts are used that the whole budget suffices for: the same command gives the same answer on a
+    busy machine."""
+    model = build_model("play", values=GEARS)
+    recorded = experiments(model, [gears(1), gears(2)])
+    with open_executor("threads:1") as pool:
+        at_once, late = (explain(model, recorded, pool, budget_s=2.0, spent_s=spent_s) for spent_s in (1.9, 1.99))
+    used_s, whole_s = at_once.used_s
+    assert used_s < whole_s
+    assert late.used_s == at_once.used_s
