@@ -139,16 +139,15 @@ class ShortSegments:
         may = others(now.model)
         scores = score_test(level, may, task.substep_s, pool, np.random.default_rng(0))
         few = scores.directions[: policy.FINISHED]
-        if not now.is_far:
-            asked = [d for d in few if d.statistic > scores.limit]
-            yield self._validated(self._with_range(near_trials(level, asked, task, pool), level, may), now, scores)
-            return
-        if few:
+        if now.is_far:
             near = near_trials(level, few, task, pool, FEW_STEPS)
-            trials = full_trials(near, few[0].effect, task, pool)
             least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
-            yield self._validated(self._longer([trial for trial in trials if trial.level.typical < least]), now, scores)
-        yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
+            trials = self._longer([one for one in full_trials(near, few, task, pool) if one.level.typical < least])
+        else:
+            trials = near_trials(level, [d for d in few if d.statistic > scores.limit], task, pool)
+        yield self._validated(self._with_range(trials, level, may), now, scores)
+        if now.is_far:
+            yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
         """The trials on segments of the length of the unseen ones, see ``halving``."""

@@ -62,11 +62,11 @@ def near_trials(
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
 
 
-def full_trials(near: Sequence[Trial], effect: str, task: Task, pool: Executor) -> list[Trial]:
+def full_trials(near: Sequence[Trial], directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
     """Fits on all of the shortest segments that begin at some of ``near_trials``, best first: at the one with the least
-    error, at that of ``effect``, which has the largest statistic, and at those of the simpler laws of which these two
-    are generalisations."""
-    asked = {effect, *(trial.effect for trial in near[:1])}
+    error, at that of the first direction, which has the largest statistic, and at those of the simpler laws of which
+    these two are generalisations."""
+    asked = {*(one.effect for one in directions[:1]), *(one.effect for one in near[:1])}
     asked |= {part.effect for name in asked if (part := get_effect(name).simpler)}
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial.effect in asked], task, pool)
 
@@ -114,8 +114,8 @@ def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
     order in their time constants."""
     possible = [effect for effect in others(model) if get_effect(effect).delays_by]
     for old in task.added(model):
-        if own := get_effect(old).delays_by:
-            delay = model.parameters[f"{old}.{own}"].value
+        own = get_effect(old).delays_by
+        if own and (delay := model.parameters[f"{old}.{own}"].value) > 0.0:  # no lag may be zero
             for new in possible:
                 yield new, in_place(model, old, new).replace({f"{new}.{get_effect(new).delays_by}": delay})
 

@@ -12,7 +12,7 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.score_test import score_test
-from lostmotion.lab.gears.trials import FEW_STEPS, full_fits, full_trials, halving, near_trials
+from lostmotion.lab.gears.trials import FEW_STEPS, full_fits, full_trials, halving, near_trials, with_other_delays
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
@@ -37,6 +37,18 @@ def test_teeth_are_counted_on_short_segments() -> None:
     assert trial.level.typical == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_delay_of_zero_is_exchanged_for_none() -> None:
+    """A fit may end at a delay of zero, which the lag of an actuator or a sensor cannot have; any other delay may be
+    either."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(71)])
+    task = Task.of(model, held, noise_of(held))
+    delayed = model.with_effect("command_delay")
+    assert list(with_other_delays(delayed.replace({"command_delay.T": 0.0}), task)) == []
+    others = dict(with_other_delays(delayed.replace({"command_delay.T": 2e-3}), task))
+    assert others["actuator_lag"].parameters["actuator_lag.T"].value == 2e-3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "size", "length", "asked"),
@@ -53,7 +65,7 @@ def test_observer_runs_are_asked_where_more_than_noise_is_left(
     with ThreadPoolExecutor(2) as pool:
         scores = score_test(base, others(model), task.substep_s, pool, np.random.default_rng(0))
         near = near_trials(base, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
-        trials = full_trials(near, scores.directions[0].effect, task, pool)
+        trials = full_trials(near, scores.directions, task, pool)
     assert base.typical > 2
     if asked:
         assert not trials or trials[0].level.typical > policy.FAR
