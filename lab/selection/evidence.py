@@ -108,6 +108,12 @@ class Candidate(Generic[F]):
         """Whether it may be named."""
         return self.p_value < policy.FALSE_NAME and self.gain > self.least_gain and self.is_identified
 
+    @property
+    def takes_too_little(self) -> bool:
+        """Whether it predicts better, significantly, and is not named only as far from the noise it has to take more:
+        one of two effects may take little without the other."""
+        return self.p_value < policy.FALSE_NAME and policy.LEAST_GAIN < self.gain <= self.least_gain
+
 
 def prior_odds(effects: Sequence[str], own: Sequence[str]) -> dict[str, float]:
     """Prior odds of candidates: one, or less where a likelier effect of the kind is a candidate, too, or in the model.

@@ -237,13 +237,15 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
 
     A pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Its first effect
     is the one that explains most of what proposes candidates, of equals one that ``_is_preferred``: gravity without
-    damping is out of phase after some swings, and predicts nothing.  The other pair is that of ``opposed``.
+    damping is out of phase after some swings, and predicts nothing.  Where none explains more than the present fit, it
+    is the best one that only takes too little to be named.  The other pair is that of ``opposed``.
     """
     alone = {one.effect: one for one in step_alone.judged}
     pairs = len(alone) * (len(alone) - 1) / 2
     less = math.sqrt(1 - policy.LEAST_GAIN)
     best = min((one.fit.screened for one in alone.values()), default=math.inf)
     promising = [one for one in alone.values() if less * one.fit.screened <= best < less * now.screened]
+    promising = promising or [one for one in alone.values() if one.takes_too_little][:1]
     found: list[list[Step[F]]] = []
     tries: list[tuple[Candidate[F], Sequence[str]]] = []
     if promising and likelihood.tries_pairs(added):

@@ -178,6 +178,15 @@ class Followed(Regressed):
         return 1.0 + self.count
 
 
+class Unscreened(Regressed):
+    """A fit whose proposals do not tell effects apart."""
+
+    @property
+    def screened(self) -> float:
+        """The same for all."""
+        return 1.0
+
+
 def test_errors_on_other_samples_do_not_decide() -> None:
     """Of gears each fit loses other segments, and its error is that of the rest: an effect that predicts better is
     named although this error grows."""
@@ -212,6 +221,24 @@ def test_what_helps_only_together_is_found_as_a_pair() -> None:
     assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
     shown = {one.effect: one.p_value for one in ranking(search, 1.0, lambda one: one.gain, lambda fit: (), ())}
     assert max(shown[FIRST], shown[SECOND]) < policy.FALSE_NAME < shown[THIRD]
+
+
+def test_an_effect_that_takes_too_little_alone_is_the_first_of_a_pair() -> None:
+    """What is proposed shows neither of two columns, and far from the noise an effect must take most of the error: each
+    takes half."""
+
+    class Far(Columns):
+        def fit(self, effects: Sequence[str]) -> Regressed:
+            fit = super().fit(effects)
+            return Unscreened(fit.model, fit.left, fit.sizes)
+
+        def least_gain(self, fit: Regressed, now: Regressed) -> float:
+            return policy.FAR_GAIN if fit.rms > 2.0 else policy.LEAST_GAIN
+
+    columns = independent()
+    noise = np.random.default_rng(0).standard_normal(SAMPLES)
+    measured = noise + 6.0 * (columns[FIRST] + columns[SECOND])
+    assert set(selected(Far(measured, columns), lambda what, part: None).added) == {FIRST, SECOND}
 
 
 @pytest.mark.parametrize(("turns", "name"), [(0.4, "gravity_torque"), (40.0, "torque_ripple")])
