@@ -13,7 +13,7 @@ from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
 from lostmotion.drivers.formats.words import column_of, is_commanded, is_input, is_time, joint_of, speed_of, unit_of
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told"]
+__all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")

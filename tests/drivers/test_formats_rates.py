@@ -147,3 +147,15 @@ def test_a_letter_is_a_speed_if_its_numbers_are(factor: float, tmp_path: Path) -
         assert found.recording.metadata["position_unit"] == "m"
     else:
         assert "none that is clearly a column" in refused(path)
+
+
+def test_a_torque_of_zero_beside_another_one_is_told(tmp_path: Path) -> None:
+    """A driver that measures no effort logs zeros, and the command of the effort elsewhere: it is read as told."""
+    path = tmp_path / "plot.csv"
+    header = "__time,/effort_control/data.0,/joint_states/joint0/effort,/joint_states/joint0/position"
+    path.write_text(header + "\n" + rows(T, INPUT, 0 * T, ANGLE, sign=","))
+    (note,) = [one for one in read(path, joint="joint0").notes if "zero throughout" in one]
+    assert note.endswith("if another one drives it, use --map torque=/effort_control/data.0")
+    found = read(path, "torque=/effort_control/data.0", joint="joint0")
+    assert found.recording.columns["torque"] == pytest.approx(INPUT)
+    assert not [one for one in found.notes if "zero throughout" in one]
