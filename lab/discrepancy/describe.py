@@ -19,9 +19,10 @@ import numpy as np
 
 from lostmotion.lab import policy, words
 from lostmotion.lab.discrepancy.basis import Guess, guesses, wave_guess
-from lostmotion.lab.discrepancy.fit import Descent, best_wave
+from lostmotion.lab.discrepancy.wave import best_wave
 from lostmotion.lab.fitting.fit import fit_of
 from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.observer.descent import Descent
 from lostmotion.lab.observer.filter import TIGHT, can_follow
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.parallel import Threads, cores

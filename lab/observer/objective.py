@@ -1,6 +1,6 @@
 """The objective of searches with observers: their prediction errors on some segments of the measurement.
 
-The global search (global_search.py) and the descriptions of unknown functions (discrepancy/fit.py) minimise it.
+The global search (global_search.py) and the local one (descent.py) minimise it.
 """
 
 from __future__ import annotations
