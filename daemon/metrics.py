@@ -42,7 +42,7 @@ SEVERITY: tuple[tuple[str, str, Callable[[ScoreRow], float]], ...] = (
     ("severity_high_rad", "Upper end of its 95 % interval", lambda row: row.severity_high),
 )
 RETRY_S = 2.0
-"""between two attempts to listen at an address that another program has [s]"""
+"""between two attempts to listen at an address that another program has, of 42 us of processor time each [s]"""
 LOSSES = ("lost", "late", "broken", "silent", "overwritten")
 
 

@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.guess import MOTIONS
 from lostmotion.drivers.formats.rates import Rate, rates
 from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
 from lostmotion.drivers.formats.table import MOST_LOOKED_AT, Table
-from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, joint_of, speed_of
+from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, joint_of, speed_of, without_joint
 
 __all__ = ["SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle", "without_still"]
 
@@ -164,8 +164,8 @@ def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
     if choice.joint or len({joint_of(name) for name in named}) < 2:
         return table, []
     changing = {name for name, values in table.load(named).items() if _changes(np.asarray(values, dtype=float))}
-    alike = {name.replace(joint_of(name), "") for name in changing}
-    still = {joint_of(name) for name in named if name.replace(joint_of(name), "") in alike}
+    alike = {without_joint(name) for name in changing}
+    still = {joint_of(name) for name in named if without_joint(name) in alike}
     if not (still := still - {joint_of(name) for name in changing}):
         return table, []
     series = [one for one in table.series if joint_of(one.name) not in still]

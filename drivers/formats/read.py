@@ -19,7 +19,7 @@ from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import column_of, is_angle, is_gyroscope, joint_of
+from lostmotion.drivers.formats.words import column_of, is_angle, is_gyroscope, without_joint
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
@@ -161,9 +161,9 @@ def _silent(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[s
     """A warning of a drive that is zero throughout, where there is another one that is not that of another joint."""
     if one.column not in DRIVES or one.why != "by its name" or not values.size or values.any():
         return []
-    own = one.series.replace(joint_of(one.series), "")
+    own = without_joint(one.series)
     names = [each.name for each in series if column_of(each.name) == one.column]
-    others = [name for name in names if name.replace(joint_of(name), "") != own]
+    others = [name for name in names if without_joint(name) != own]
     said = f"{one.column}: {shown(one.series)} is zero throughout; if another one drives it, use"
     return [f"{said} {mapped(one.column, name)}" for name in others[:1]]
 

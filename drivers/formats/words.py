@@ -10,6 +10,7 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_gyroscope", "is_input",
     "is_run", "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
+    "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -212,6 +213,11 @@ def joint_of(name: str) -> str:
             return kept
     parts = [_proper(part) for part in re.split(r"[/.]", name) if set(_words(part)) - VOCABULARY]
     return "/".join(filter(None, parts))
+
+
+def without_joint(name: str) -> str:
+    """A name without its joint: equal for the same quantity of two joints."""
+    return name.replace(joint_of(name), "")
 
 
 def unit_of(name: str, column: str) -> str:

@@ -22,8 +22,14 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Descent"]
 
 STEP = 1e-4
+"""Step of the finite differences, in z.  A tenth and ten times of it change none of twelve minima of two searches
+(pairs of seeds 912 and 6100, the low gain) by more than 3 %."""
 STEPS, TRIALS = 15, 6
+"""Largest number of steps, and of dampings that are tried in one.  With 8 and 30 steps these minima differ by at most
+5 %, in 0.7 and 1.4 times the time; with 3 trials one of them differs by 3 %, with 12 none."""
 ENOUGH = 3e-4
+"""Least share by which a step has to lower the cost to be followed by another one.  With ten times as much these minima
+differ by at most 6 %, in 0.6 of the time, with a tenth by at most 2 %."""
 
 
 @dataclass(frozen=True, eq=False)
