@@ -78,14 +78,14 @@ def is_sized(effect: str, fit: Regression, *, is_last: bool = False) -> bool:
     held = [*given, *phases]
     deviation, freedom = fit.deviations_within_bounds(held), fit.freedom
     if is_last:
-        deviation, freedom = fit.interval(_is_disturbed(fit), held)
+        deviation, freedom = fit.interval(_exceeds_noise(fit), held)
     width = math.sqrt(many * float(fdtri(many, freedom, policy.CONFIDENCE)))
     limits = width * np.abs(fit.unknowns.slopes(fit.z)) * deviation
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 
 
-def _is_disturbed(fit: Regression) -> bool:
+def _exceeds_noise(fit: Regression) -> bool:
     """Whether a simulated motion leaves more than the noise of its sensor."""
     data = fit.data
     noise = max(data.accuracy, *(one.position_noise for one in data.signals)) if isinstance(data, OutputError) else 0.0

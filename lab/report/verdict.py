@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 MOST_VARIABLES = 3
-ELSEWHERE = 3.0
+UNSEEN_RATIO = 3.0
 """Ratio of the error on unseen samples to that of the fit, from which on a sentence reports it.  Of 41 answers on
 measured machines 36 have at most 2.3.  Of the five from 3.0 on one lacks an effect, one has an effect that raises the
 error there, one was cut off by the time, and two name what is expected."""
@@ -53,7 +53,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         beyond = "" if explanation.untried else " that no effect of the catalogue explains"
         sentences.append(f"Something more is missing{beyond}.")
         sentences += of_finding(found)
-    sentences += _elsewhere(explanation)
+    sentences += _on_unseen_samples(explanation)
     sentences += [_held(one) for one in explanation.held]
     sentences += _unused(explanation)
     if explanation.unshown:
@@ -71,11 +71,11 @@ def _named(effect: str, explanation: Explanation) -> str:
     return f"{sentence} These recordings do not distinguish it from {joined(alike)}."
 
 
-def _elsewhere(explanation: Explanation) -> list[str]:
+def _on_unseen_samples(explanation: Explanation) -> list[str]:
     """A sentence where far more is left of the samples kept for judging than of those of the fit."""
     error = explanation.error
     of_fit = next((explanation.best.rms.get(name) for name, one in explanation.columns.items() if one is error), None)
-    if explanation.complete or not of_fit or error.after < ELSEWHERE * of_fit:
+    if explanation.complete or not of_fit or error.after < UNSEEN_RATIO * of_fit:
         return []
     times = number(error.after / of_fit, 0)
     why = "they move otherwise, or something acts that hardly acts in the others"
