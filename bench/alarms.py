@@ -41,7 +41,7 @@ from lostmotion.daemon.sinks.emcy import EmcyNode
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from lostmotion.drivers.emulator import Emulator
 
-GOAL_ZENOH_S, GOAL_SLCAN_S = 0.020, 0.050
+GOAL_ZENOH_S, GOAL_SLCAN_S = 0.270, 0.300
 WINDOW_S = 0.25
 NODE = 0x21
 RESTLESS = "[detector]\nlevel = 200.0\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n"

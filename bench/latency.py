@@ -23,7 +23,7 @@ import zenoh
 from bench.service import running_service
 from bench.sinks import free_port
 
-GOAL_ROW_S, GOAL_SAMPLE_S = 0.250, 0.020
+GOAL_ROW_S, GOAL_SAMPLE_S = 0.250, 0.250
 LOOK_S = 0.002
 
 

@@ -25,15 +25,12 @@ from lostmotion.detector.window import FloatArray, Score, Window
 from lostmotion.detector.windows import cut
 from lostmotion.drivers.base import ServoSample
 
-__all__ = ["TOGETHER_S", "TOGETHER_STORE_ONLY_S", "Learnt", "Pipeline", "Scored"]
+__all__ = ["Learnt", "Pipeline", "Scored"]
 
 LOOK_BACK_S, LOOK_BACK_POLLS = 2.0, 10
 """a reversal is certain only some time after it; the acceleration is kept for so many seconds and polls longer"""
 GIVE_UP_S = 1.0
 """how long after its end a window waits for late acceleration [s]"""
-TOGETHER_S, TOGETHER_STORE_ONLY_S = 0.008, 0.03
-"""windows that end within so long of each other are scored together [s]: each wake-up costs as much as a score; the
-longer one without network sinks, when windows only have to be on the disk a quarter of a second after their end"""
 MOST_TO_LEARN = 12
 """two windows of each of six joints, which often end at the same time"""
 SERVO_SILENT_S = 5.0
@@ -65,21 +62,22 @@ class Learnt:
 
 class Pipeline:
     """All joints of a robot.  ``rings`` by accelerometer; ``virtual``: data may come late and is waited for;
-    ``attributors``: for joints that share accelerometers; ``together_s``: windows that end within so long of each other
-    are scored together [s].
+    ``attributors``: for joints that share accelerometers.
 
     Call ``servo`` with the new samples, then ``step``; then ``learn``, when no score is due.
     """
 
     def __init__(
-        self, plans: Iterable[JointPlan], rings: Mapping[str, Ring], virtual: bool = False,
-        attributors: Iterable[Attributor] = (), together_s: float = TOGETHER_S,
-    ) -> None:  # fmt: skip
+        self,
+        plans: Iterable[JointPlan],
+        rings: Mapping[str, Ring],
+        virtual: bool = False,
+        attributors: Iterable[Attributor] = (),
+    ) -> None:
         looks: defaultdict[str, BarLooks] = defaultdict(BarLooks)
         self._joints = {plan.joint: MonitoredJoint(plan, looks[plan.accelerometer]) for plan in plans}
         self._rings = rings
         self._virtual = virtual
-        self._together_s = together_s
         self._closed = False
         self.attributors = tuple(attributors)
         self._learnt: list[Learnt] = []
@@ -152,7 +150,6 @@ class Pipeline:
 
     def step(self, now: float) -> list[Scored]:
         """The windows whose acceleration is there, or for which it is no longer waited at robot time ``now`` [s]."""
-        come = {name: ring.newest for name, ring in self._rings.items()}
         done = [scored for joint in self._joints.values() if joint.pending for scored in self._finish(joint, now)]
         if self.attributors:
             done = self._attribute(done)
@@ -160,9 +157,6 @@ class Pipeline:
             joints = self._behind[name]
             if self._virtual or ring.crowded:
                 ring.release(min((self._needed(joint, ring) for joint in joints), default=math.inf))
-            # A window that ended before ``come`` waits for servo samples or for another ring, which wake the reader.
-            ends = (pending.end for joint in joints for pending in joint.pending if pending.end > come[name])
-            ring.expect(_together(ends, self._together_s))
         while self._virtual and self.learn():
             pass
         return done
@@ -271,16 +265,3 @@ class Pipeline:
             oldest = max(oldest, ring.newest - SERVO_SILENT_S)
         starts = [pending.start for pending in joint.pending]
         return min([oldest, *starts]) - HISTORY_S - 1 / joint.plan.rate_hz
-
-
-def _together(ends: Iterable[float], within_s: float) -> list[float]:
-    """Times in order: the last one of each group that lies within so long of its first."""
-    groups: list[float] = []
-    first = -math.inf
-    for end in sorted(ends):
-        if end <= first + within_s:
-            groups[-1] = end
-        else:
-            groups.append(end)
-            first = end
-    return groups

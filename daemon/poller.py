@@ -20,6 +20,7 @@ from lostmotion.daemon.repeats import Condition
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.waker import Waker
 from lostmotion.drivers.base import Accelerometer, Identity, ServoBus, ServoSample
+from lostmotion.drivers.clock import CYCLE_S, next_cycle
 from lostmotion.drivers.errors import DriverError, EndOfData, IdentityError, PortError
 
 __all__ = ["INBOX_READINGS", "AccelPoller", "BusPoller", "DeviceState", "DeviceStatus", "Inbox", "Poller"]
@@ -31,12 +32,8 @@ LAST_RETRY_S = 10.0
 WRONG_RETRY_S = 30.0
 """how often a device that was not the expected one is asked again, at last [s]: sooner at first, since a line that was
 bad for a moment looks like another device"""
-GATHER_S, GATHER_SAMPLES = 0.15, 150
-"""how long, and how many, samples of an accelerometer gather while no window ends: all of them cost little more than
-one, and so many fit into the 4096 bytes of a tty"""
-BURST_S = 0.004
-"""how much later than its time a window's last sample is looked for, at least [s]: adapters hand on what came in
-bursts, and a look before costs a wake-up"""
+GATHER_SAMPLES = 150
+"""so many samples of an accelerometer are read together at most: they fit into the 4096 bytes of a tty"""
 INBOX_READINGS = 4
 """a virtual bus waits while more readings than this are unread: all are scored in one step, which nothing ends early.
 With 1000 a step was up to minutes of motion and ten seconds long, with 4 it is 0.1 s, at the same processor time"""
@@ -222,8 +219,8 @@ class BusPoller(Poller):
         status.asked.update(names)
         status.usable.update(names)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
-        self._inbox.waker.wake()
         while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
+            self._inbox.waker.wake()
             self._stop.wait(0.002)
 
     def _end(self) -> None:
@@ -243,6 +240,7 @@ class AccelPoller(Poller):
         self._sensor = device
         self._ring = ring
         self._period = period
+        self._pause = CYCLE_S / math.ceil(CYCLE_S / (GATHER_SAMPLES * period))
         self._wait = stop if waits else None
 
     def _read(self) -> None:
@@ -264,12 +262,9 @@ class AccelPoller(Poller):
         return now / self._period, self.status.usable[member]
 
     def _gather(self) -> None:
-        """Leaves hardware alone until a window has ended: a wake-up costs more than the samples it brings."""
-        after = max(self._period, BURST_S)
-        latest = time.monotonic() + min(GATHER_S, GATHER_SAMPLES * self._period)
-        while (pause := self._ring.due(latest - after) + after - time.monotonic()) > 0:
-            if not self._ring.sooner.wait(pause):
-                return
+        """Leaves hardware alone for a cycle, or for as long a part of it as its samples may gather."""
+        now = time.monotonic()
+        time.sleep(next_cycle(now, self._pause) - now)
 
     def _end(self) -> None:
         self._ring.end()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -26,21 +26,17 @@ class Ring:
 
     Everything is written twice, ``capacity`` apart, so that any segment lies in one piece and a slice costs one copy.
     ``overwritten`` counts samples lost because nobody had released them; ``unordered`` those that came with a time not
-    after the last one's and were left out.  ``waker`` wakes the reader when a robot time has come that the reader
-    expects, or when a writer needs room; ``sooner`` when the reader expects one before the time that ``due`` last
-    returned.  ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
+    after the last one's and were left out.  ``waker`` wakes the reader when a writer needs room, or has ended.
+    ``range_ms2`` is the sensor's; ``copy`` is given every block as it comes, while somebody records.
     """
 
     def __init__(self, capacity: int, waker: Waker) -> None:
         self.capacity = capacity
         self._waker = waker
-        self.sooner = Waker()
-        self._due = -math.inf  # what ``due`` returned last
         self.overwritten = 0
         self.unordered = 0
         self.range_ms2 = math.inf
         self.copy: Callable[[AccelBlock], None] | None = None
-        self._awaited: Sequence[float] = ()
         self.oldest = math.inf
         """time of the first sample ever [s], +inf before it"""
         self.ended = False
@@ -73,29 +69,6 @@ class Ring:
             piece = slice(first, first + self.capacity)
             self._write(block.time[piece], block.accel[piece], wait)
         self.unordered += fresh
-        if self._awaited and self._last >= self._awaited[0]:
-            self._waker.wake()
-
-    def expect(self, times: Sequence[float]) -> None:
-        """The reader waits for these robot times [s], ascending; the first may have come already."""
-        self._awaited = times
-        if times and times[0] < self._due:
-            self._due = times[0]
-            self.sooner.wake()
-        if times and self.newest >= times[0]:
-            self._waker.wake()
-
-    @property
-    def awaited(self) -> float:
-        """The next robot time [s] that the reader waits for and that has not come yet; inf for none."""
-        return next((time for time in self._awaited if time > self._last), math.inf)
-
-    def due(self, latest: float) -> float:
-        """When the writer should write [s]: at the next time that is awaited, at ``latest`` then; ``sooner`` wakes it
-        if it is to be before."""
-        self._due = latest  # set before ``awaited`` is read, so that a time expected in between wakes the writer
-        self._due = min(self.awaited, latest)
-        return self._due
 
     def end(self) -> None:
         """Nothing more will be written."""

@@ -12,7 +12,7 @@ from lostmotion.daemon.capture import Capture
 from lostmotion.daemon.config import Config
 from lostmotion.daemon.losses import Losses
 from lostmotion.daemon.monitored_joint import JointPlan
-from lostmotion.daemon.pipeline import TOGETHER_S, TOGETHER_STORE_ONLY_S, Pipeline, Scored
+from lostmotion.daemon.pipeline import Pipeline, Scored
 from lostmotion.daemon.poller import AccelPoller, BusPoller, DeviceState, Inbox, Poller
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.sensorcheck import SensorCheck
@@ -39,9 +39,7 @@ class Robot:
         self.rings = {sensor.name: self._ring(sensor) for sensor in config.accelerometers}
         self.pollers: list[Poller] = [*self._buses(), *self._sensors()]
         plans = [_plan(config, joint) for joint in config.joints]
-        is_published = bool(config.sinks)
-        together_s = TOGETHER_S if is_published else TOGETHER_STORE_ONLY_S
-        self.pipeline = Pipeline(plans, self.rings, config.is_virtual, map(Attributor, _shared(config)), together_s)
+        self.pipeline = Pipeline(plans, self.rings, config.is_virtual, map(Attributor, _shared(config)))
         self._by_member = {member: poller for poller in self.pollers for member in poller.members}
         self._losses = {member: Losses() for member in self._by_member}
         self._checks = {sensor.name: self._check(sensor.name) for sensor in config.accelerometers}

@@ -32,6 +32,7 @@ from lostmotion.daemon.stamps import Stamps
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.tasks import Tasks
 from lostmotion.daemon.watchdog import Watchdog
+from lostmotion.drivers.clock import next_cycle
 from lostmotion.drivers.errors import LostmotionError
 
 if TYPE_CHECKING:
@@ -41,10 +42,11 @@ __all__ = ["run"]
 
 log = logging.getLogger(__name__)
 
-LOOP_S = 0.2
-"""the main thread wakes at least so often, and whenever servo samples have come or a window is complete [s]"""
+AFTER_S = 0.01
+"""the main thread wakes so long after each cycle has begun [s], when what came in until then has been read: the last
+answers of the servos, up to 8 ms on a busy computer, and the acceleration"""
 SOON_S = 0.005
-"""the same while an alarm is on its way to the disk: it is published when it is there [s]"""
+"""it wakes so often while an alarm is on its way to the disk, which is published when it is there [s]"""
 LOOK_S = 1.0
 """how often devices are looked at [s]"""
 CLOCK_S = 0.25
@@ -113,7 +115,7 @@ class Service:
         """Steps until there is a reason to stop."""
         end = math.inf
         while not (self._flags.stop or self._robot.finished or time.monotonic() >= end):
-            self._robot.inbox.waker.wait(SOON_S if self._store.is_settling else LOOP_S)
+            self._robot.inbox.waker.wait(self._pause())
             self._step()
             self._look_around()
             if duration_s is not None and end == math.inf and self._robot.is_open:
@@ -125,6 +127,13 @@ class Service:
                 asked = self._tasks.reload
                 refusal = self._take_new_configuration()
                 self._store.add(Answer(asked, not refusal, refusal or "the service has taken the configuration"))
+
+    def _pause(self) -> float:
+        """For how long there is nothing to do [s], unless a virtual robot waits for its reader, or a device ends."""
+        if self._store.is_settling:
+            return SOON_S
+        now = time.monotonic() - AFTER_S
+        return next_cycle(now) - now
 
     def shutdown(self) -> int:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
@@ -302,6 +311,7 @@ class Service:
             has_learnt = self._barrier.call(self._robot.pipeline.learn)
         if done or has_learnt:
             self._store.add(*self._learning.rows())
+        self._store.flush()
 
     def _publish(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:

@@ -32,8 +32,8 @@ __all__ = ["Reader", "Store", "open_readonly"]
 
 log = logging.getLogger(__name__)
 
-FLUSH_S = 0.2
-"""how often rows are written [s]: to wake the writer for each costs more; a transition of an alarm does not wait"""
+FLUSH_S = 0.5
+"""rows are written so often [s], unless ``flush`` is called; a transition of an alarm does not wait"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""
 BATCH = 5000
@@ -80,7 +80,7 @@ class Store:
         self._unsettled: deque[Transition] = deque()
         self._settled: deque[Transition] = deque()
         self._wake = threading.Condition()
-        self._closing = False
+        self._closing = self._is_asked = False
         self._lock: IO[bytes] | None = None
         self._inode_lock: InodeLock | None = None
         self._writer: Writer | None = None
@@ -103,7 +103,8 @@ class Store:
         self._policy = Policy(robot, int(keep_windows_mb * 1e6), int(keep_scores_days * DAY_US))
 
     def add(self, *rows: Row) -> None:
-        """Takes rows, which are committed together within about ``FLUSH_S``.  Never blocks on the disk."""
+        """Takes rows, which are committed together after ``flush``, or within ``FLUSH_S``.  Never blocks on the
+        disk."""
         with self._wake:
             for row in rows:
                 queue = self._windows if isinstance(row, WindowRow) else self._rows
@@ -112,6 +113,13 @@ class Store:
                     self._unsettled.append(row)
             self._trim()
             if self._unsettled:
+                self._wake.notify_all()
+
+    def flush(self) -> None:
+        """Has the rows that wait committed now.  Does not wait for that."""
+        with self._wake:
+            if self._rows or self._windows:
+                self._is_asked = True
                 self._wake.notify_all()
 
     def settled(self, wait_s: float = 0.0) -> list[Transition]:
@@ -274,8 +282,8 @@ class Store:
     def _run(self) -> None:
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._closing or self._unsettled, FLUSH_S)
-                closing = self._closing
+                self._wake.wait_for(lambda: self._closing or self._unsettled or self._is_asked, FLUSH_S)
+                closing, self._is_asked = self._closing, False
             if closing and not self.waiting():
                 return
             if not self._flush_all():

@@ -39,7 +39,7 @@ from lostmotion.drivers.servo_line import silence_s
 __all__ = ["DRIVER", "CanopenBus"]
 
 GATHER_S = 0.095
-"""frames of so many seconds are looked at together, as in ``servo_line.py``"""
+"""frames of so many seconds are looked at together; the kernel keeps some 270 of a socket that is not read"""
 WAIT_S = 0.2
 LISTEN_S = 1.6
 """heartbeats come once a second"""

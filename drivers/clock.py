@@ -13,7 +13,11 @@ from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from typing import Protocol
 
-__all__ = ["Clock", "SystemClock", "VirtualClock", "is_synchronised", "wall"]
+__all__ = ["CYCLE_S", "Clock", "SystemClock", "VirtualClock", "is_synchronised", "next_cycle", "wall"]
+
+CYCLE_S = 0.2
+"""hardware is read, and its windows are scored, in cycles that begin at multiples of this robot time [s].  Each wake-up
+of a thread costs as much as a score; docs/reliability.md has the measurement"""
 
 TIMEX_BYTES = 1024
 """more than a struct timex has"""
@@ -22,6 +26,12 @@ UNSYNCHRONISED = 5
 
 wall = time.time
 """the system's clock [s since 1970], looked up here by those who stamp rows, so that a test can set it"""
+
+
+def next_cycle(now: float, length: float = CYCLE_S) -> float:
+    """When the next cycle begins [s], after ``now`` [s], of cycles of so many seconds."""
+    begin = (now // length + 1) * length
+    return begin if begin > now else begin + length  # 1.0 // 0.2 is 4
 
 
 def is_synchronised() -> bool:

@@ -51,7 +51,7 @@ __all__ = ["DRIVER", "Ros2AccelerometerOptions", "Ros2JointOptions"]
 log = logging.getLogger(__name__)
 
 GATHER_S = 0.095
-"""messages of joints are looked at together for so long, see ``servo_line.GATHER_S``"""
+"""messages of joints are looked at together for so long [s]: right after a wait each costs far more"""
 WAIT_S = 0.25
 ARRIVAL_S = 0.4
 """how often the arrival of a message is watched [s]: of each half second the quickest counts"""

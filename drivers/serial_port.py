@@ -86,30 +86,32 @@ class SerialPort:
             return self._receive(self._fd(), max(0.0, timeout_s * 1000))
 
     def converse(
-        self, exchanges: Iterable[Exchange], timeout_s: float, now: Callable[[], float]
+        self, exchanges: Iterable[Exchange], timeout_s: float, now: Callable[[], float], turns: Iterable[None] = (None,)
     ) -> tuple[list[tuple[float, bytes]], bool]:
-        """Sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what came in; and
-        whether all of that looks like answers.
+        """In each turn sends a request, waits for its answer, sends the next one: the time ``now`` of each, and what
+        came in; and whether all of that looks like answers.
 
         The first answer that begins otherwise, or is of another length, ends it; that is b"" where none came within
-        ``timeout_s``.  Raises PortError when the port is closed or gone.
+        ``timeout_s``.  ``turns`` waits for the next turn, and ends after the last.  Raises PortError when the port is
+        closed or gone.
 
-        All requests in one call, with nothing else between them: what Python does right after a wait costs several
-        times as much as at other times, because the caches are cold.
+        All requests of many turns in one call, with nothing else between them: what Python does right after a wait
+        costs several times as much as at other times, because the caches are cold.
         """
         answers: list[tuple[float, bytes]] = []
         write, read, timeout_ms = os.write, os.read, timeout_s * 1000
         with self._busy:
             fd, answered = self._fd(), self._poll.poll
             try:
-                for exchange in exchanges:
-                    asked, answer = now(), b""
-                    write(fd, exchange.request)
-                    if answered(timeout_ms) and not (answer := read(fd, CHUNK)):
-                        raise self._gone(None)
-                    answers.append((asked, answer))
-                    if len(answer) != exchange.length or not answer.startswith(exchange.start):
-                        return answers, False
+                for _ in turns:
+                    for exchange in exchanges:
+                        asked, answer = now(), b""
+                        write(fd, exchange.request)
+                        if answered(timeout_ms) and not (answer := read(fd, CHUNK)):
+                            raise self._gone(None)
+                        answers.append((asked, answer))
+                        if len(answer) != exchange.length or not answer.startswith(exchange.start):
+                            return answers, False
             except BlockingIOError:  # the line takes nothing, or another reader was quicker
                 answers.append((asked, b""))
                 return answers, False

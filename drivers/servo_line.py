@@ -10,9 +10,10 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 
 from lostmotion.drivers.base import Baudrate, Identity, JointOptions, Port, ServoReading, ServoSample
-from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.clock import Clock, next_cycle
 from lostmotion.drivers.codec.dynamixel import Question
 from lostmotion.drivers.codec.servo_state import Model
 from lostmotion.drivers.errors import DriverError
@@ -22,9 +23,6 @@ from lostmotion.drivers.textfile import near
 __all__ = ["LineBus", "LineOptions", "Reply", "Servo", "check_line", "line_bytes", "silence_s"]
 
 LONGEST_WAIT_S = 0.3
-GATHER_S = 0.095
-"""the answers of so many seconds are looked at together: right after a wait, with cold caches, that costs far more; a
-reversal is usually certain 0.11 s before the end of its window"""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
 """a silent servo costs 34 ms each time it is asked, so the pause before the next time doubles from one to the other"""
 SILENT_POLLS, LEAST_SILENCE_S = 5, 0.2
@@ -68,9 +66,8 @@ class _Group:
     """the plain ones, in the order of the servos; none where a sync read asks all at once"""
     due: float = 0.0
 
-    def advance(self, now: float) -> int:
-        """Sets the next turn, on the grid of the period; how many turns went by meanwhile."""
-        self.due += self.period
+    def skip(self, now: float) -> int:
+        """Passes over the turns that have gone by; how many."""
         late = int((now - self.due) / self.period) + 1 if self.due <= now else 0
         self.due += late * self.period
         return late
@@ -103,7 +100,7 @@ class LineBus(ABC):
         self._line = port
         self.resolution_rad = max(servo.model.step for servo in self._servos)
         self._awake = 0.0  # from then on no servo rests [s]
-        self._broken = 0  # frames, since the last reading
+        self._lost = self._broken = 0  # polls that were skipped, and bad frames, since the last reading
 
     def open(self) -> None:
         """Takes the port.  Raises PortError."""
@@ -126,7 +123,8 @@ class LineBus(ABC):
         )
 
     def read(self) -> ServoReading:
-        """Waits for the next poll, at most 0.3 s; the answers of this poll and of those of the next 95 ms.
+        """Waits for the next poll, at most 0.3 s; the answers of this poll and of those until the next cycle begins: to
+        look at each right after the wait for it, with cold caches, would cost far more.
 
         Raises PortError.
         """
@@ -135,13 +133,13 @@ class LineBus(ABC):
             time.sleep(LONGEST_WAIT_S)
             return ServoReading(silent=self._silent())
         replies: list[Reply] = []
-        lost, end = 0, turn + GATHER_S
+        end = next_cycle(turn)
         while turn < end:
             time.sleep(max(0.0, turn - self._clock.now()))
-            missed, turn = self._poll(replies)
-            lost += missed
+            self._poll(replies, end)
+            turn = min(group.due for group in self._groups)
         samples = tuple(self._samples(replies))
-        broken, self._broken = self._broken, 0
+        lost, broken, self._lost, self._broken = self._lost, self._broken, 0, 0
         return ServoReading(samples, self._silent(), lost, broken)
 
     def close(self) -> None:
@@ -181,7 +179,7 @@ class LineBus(ABC):
         for servo in self._servos:
             servo.rests_until = servo.pause = 0.0
         self._awake = 0.0
-        self._broken = 0
+        self._lost = self._broken = 0
 
     def _samples(self, replies: Iterable[Reply]) -> Iterator[ServoSample]:
         """The samples in replies, in SI units; an answer with a wrong checksum makes its servo a silent one."""
@@ -194,35 +192,50 @@ class LineBus(ABC):
                 command, position, velocity, voltage, heat, current = servo.model.decode(block)
                 yield ServoSample(servo.joint, asked, command, position, velocity, math.nan, current, voltage, heat)
 
-    def _poll(self, replies: list[Reply]) -> tuple[int, float]:
-        """Asks the servos whose turn it is; how many polls went by meanwhile, and when the next turn is [s].
+    def _poll(self, replies: list[Reply], end: float) -> None:
+        """Asks the servos whose turn it is; where all are asked together and answer, in all turns before ``end`` [s].
 
         Few calls, because they come right after a wait: each costs ten times as much there as at other times.
         """
-        now, lost, turn = self._clock.now(), 0, math.inf
+        now = self._clock.now()
         for group in self._groups:
-            if group.due <= now:
-                asked, questions = group.servos, group.questions
-                if now < self._awake:
-                    asked = [servo for servo in asked if servo.rests_until <= now]
-                    questions = _questions(asked)
-                if group.questions:
-                    self._read_in_turn(asked, questions, replies)
-                else:
+            if group.due > now:
+                continue
+            asked, questions, until = group.servos, group.questions, end
+            if now < self._awake:
+                asked = [servo for servo in asked if servo.rests_until <= now]
+                questions, until = _questions(asked), now
+            turns = self._turns(group, len(asked), until if len(self._groups) == 1 else now)
+            if group.questions:
+                self._read_in_turn(asked, questions, replies, turns)
+                self._lost += group.skip(self._clock.now()) * len(asked)
+            else:
+                for _ in turns:
                     self._read_group(asked, replies)
-                lost += group.advance(self._clock.now()) * len(asked)
-            turn = min(turn, group.due)
-        return lost, turn
 
-    def _read_in_turn(self, servos: list[Servo], questions: list[Question], replies: list[Reply]) -> None:
-        """Asks servos one after the other, whose answers are all of one length.
+    def _turns(self, group: _Group, asked: int, until: float) -> Iterator[None]:
+        """The turns of a group in which so many servos are asked, waiting for each: the present one, and those before a
+        time [s] as long as no servo is silent."""
+        while True:
+            group.due += group.period
+            yield
+            now = self._clock.now()
+            self._lost += group.skip(now) * asked
+            if group.due >= until or now < self._awake:
+                return
+            time.sleep(max(0.0, group.due - now))
+
+    def _read_in_turn(
+        self, servos: list[Servo], questions: list[Question], replies: list[Reply], turns: Iterable[None]
+    ) -> None:
+        """Asks servos one after the other in each turn, whose answers are all of one length; until one is none.
 
         Those that look like answers are kept as they are: to look into them at once, after a wait, takes ten times as
         long as to look into all of a reading.
         """
         while servos:
-            answers, good = self._line.ask(questions, self._clock.now)
-            replies.extend(zip(servos, answers, strict=False))
+            answers, good = self._line.ask(questions, self._clock.now, turns)
+            replies.extend(zip(cycle(servos), answers, strict=False))
             if good:
                 return
             servo, (asked, answer) = replies.pop()
@@ -232,7 +245,8 @@ class LineBus(ABC):
             else:
                 block = self._search(servo)
             self._take(servo, asked, block, replies)
-            servos, questions = servos[len(answers) :], questions[len(answers) :]
+            rest = len(answers) % len(servos) or len(servos)
+            servos, questions, turns = servos[rest:], questions[rest:], (None,)
 
     def _read_group(self, servos: list[Servo], replies: list[Reply]) -> None:
         """One sync read; those that were silent before, or are now, are asked alone."""

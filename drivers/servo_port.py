@@ -6,7 +6,7 @@ What is asked, and what the bytes mean, is the affair of the driver.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from lostmotion.drivers.base import BITS_PER_BYTE
 from lostmotion.drivers.serial_port import Exchange, SerialPort
@@ -45,9 +45,11 @@ class ServoPort:
             received = self._port.read(left)
         return received
 
-    def ask(self, exchanges: Sequence[Exchange], now: Callable[[], float]) -> tuple[list[tuple[float, bytes]], bool]:
-        """Asks one servo after the other: the time ``now`` of each request, and what came in; whether all of that looks
-        like answers: see ``SerialPort.converse``.
+    def ask(
+        self, exchanges: Sequence[Exchange], now: Callable[[], float], turns: Iterable[None] = (None,)
+    ) -> tuple[list[tuple[float, bytes]], bool]:
+        """Asks one servo after the other in each turn: the time ``now`` of each request, and what came in; whether all
+        of that looks like answers: see ``SerialPort.converse``.
 
         What does not is the last one; ``receive`` has it, too, and what follows.  What came in before is forgotten
         only after an exchange that went another way: that costs a system call.
@@ -55,7 +57,7 @@ class ServoPort:
         if not self._quiet:
             self.clear()
         length = exchanges[0].length
-        answers, self._quiet = self._port.converse(exchanges, self._patience(length), now)
+        answers, self._quiet = self._port.converse(exchanges, self._patience(length), now, turns)
         if not self._quiet:
             self._received = answers[-1][1]
             self._expect(length)

@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from lostmotion.drivers.base import Driver, Identity, JointOptions, RobotOptions, ServoBus, ServoReading, ServoSample
-from lostmotion.drivers.clock import Clock
+from lostmotion.drivers.clock import Clock, next_cycle
 from lostmotion.drivers.codec.registers import ALL_MODELS, Registers
 from lostmotion.drivers.codec.servo_state import POSITION
 from lostmotion.drivers.codec.sniffer import AccessKind, BusSniffer, RegisterAccess
 from lostmotion.drivers.listening_port import ListeningPort
-from lostmotion.drivers.servo_line import GATHER_S, LineOptions, check_line, silence_s
+from lostmotion.drivers.servo_line import LineOptions, check_line, silence_s
 
 __all__ = ["DRIVER", "TapBus", "TapOptions"]
 
@@ -81,8 +81,9 @@ class TapBus:
         return tuple(self._identity(servo) for servo in self._servos.values())
 
     def read(self) -> ServoReading:
-        """The samples of the next 95 ms.  Raises PortError."""
-        samples = self._listen(GATHER_S)
+        """The samples until the next cycle begins.  Raises PortError."""
+        now = self._clock.now()
+        samples = self._listen(next_cycle(now) - now)
         broken, self._broken = self._broken, self._damage()
         return ServoReading(tuple(samples), self._silent(), broken=self._broken - broken)
 

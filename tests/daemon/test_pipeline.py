@@ -9,7 +9,7 @@ import pytest
 
 from lostmotion.daemon import pipeline
 from lostmotion.daemon.monitored_joint import JointPlan
-from lostmotion.daemon.pipeline import GIVE_UP_S, Pipeline, Scored, _together
+from lostmotion.daemon.pipeline import GIVE_UP_S, Pipeline, Scored
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.waker import Waker
 from lostmotion.detector.window import DetectorSettings
@@ -122,19 +122,14 @@ def test_a_score_survives_an_error_in_the_size_of_the_play(monkeypatch: pytest.M
 
 
 def test_a_window_waits_for_its_end_and_no_longer() -> None:
-    """The sample at its end completes it, and wakes who waits."""
+    """The sample at its end completes it."""
     world = World()
-    world.feel(0.0, 1.6)
+    world.feel(0.0, 1.74)
     world.move(0.0, 1.7)
-    world.pipeline.step(1.7)
+    assert world.pipeline.step(1.74)
     assert world.pipeline.open_windows == 1
-    assert world.ring.awaited == pytest.approx(1.75, abs=0.01)
-    last = math.floor(world.ring.awaited * RATE_HZ) / RATE_HZ
-    world.feel(1.6, last)
     assert world.pipeline.step(1.8) == []
-    world.waker.wait(0)
-    world.feel(last, last + 0.002)
-    assert world.waker.wait(0)
+    world.feel(1.74, 1.76)
     assert len(world.pipeline.step(1.8)) == 1
 
 
@@ -184,18 +179,6 @@ def test_who_is_read_first_changes_no_virtual_score() -> None:
     assert np.array(scores[0]) == pytest.approx(np.array(scores[1]), nan_ok=True)
 
 
-def test_a_window_that_waits_for_commands_does_not_wake_the_reader() -> None:
-    """A virtual sensor may be ahead of its servos: the reader sleeps until their samples come."""
-    world = World(virtual=True)
-    world.feel(0.0, 2.6)
-    world.move(0.0, 2.25)
-    world.pipeline.step(1e9)
-    assert world.pipeline.open_windows
-    assert not world.waker.wait(0)
-    world.move(2.25, 2.6)
-    assert world.pipeline.step(1e9)
-
-
 def test_reversals_before_the_sensor_speaks_open_no_window() -> None:
     """While the accelerometer is still being opened nothing can be lost."""
     world = World()
@@ -240,9 +223,3 @@ def test_a_closed_pipeline_only_finishes() -> None:
     world.feel(2.0, 6.0)
     assert len(world.pipeline.step(6.0)) == opened
     assert world.pipeline.counts["elbow"].triggered == before + opened
-
-
-def test_windows_that_end_together_are_awaited_together() -> None:
-    """Of ends within 8 ms of the first only the last counts; the next group begins behind it."""
-    assert _together([3.0, 1.007, 1.0, 1.009, 2.0, 1.016], 0.008) == [1.007, 1.016, 2.0, 3.0]
-    assert _together([3.0, 1.007, 1.0, 1.009, 2.0, 1.016], 0.03) == [1.016, 2.0, 3.0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 
 import numpy as np
@@ -60,35 +59,6 @@ def test_a_step_back_in_time_is_left_out_and_counted() -> None:
     assert buffer.unordered == 2
 
 
-def test_the_bell_rings_when_the_awaited_time_has_come() -> None:
-    """Not before: the reader sleeps until a window is complete."""
-    waker = Waker()
-    buffer = Ring(100, waker)
-    buffer.expect([6.0, 8.5])
-    buffer.push(block(0, 6))
-    assert (waker.wait(0), buffer.awaited) == (False, 6.0)
-    buffer.push(block(6, 1))
-    assert (waker.wait(0), buffer.awaited) == (True, 8.5)
-    buffer.push(block(7, 2))
-    assert buffer.awaited == 8.5
-    buffer.push(block(9, 1))
-    assert buffer.awaited == math.inf
-
-
-def test_a_writer_learns_that_it_is_expected_sooner() -> None:
-    """It is told when to write next, and woken when that is earlier than it was told, not when it is later."""
-    buffer = ring(100)
-    buffer.push(block(0, 3))
-    assert buffer.due(20.0) == 20.0
-    buffer.expect([30.0])
-    assert not buffer.sooner.wait(0)
-    buffer.expect([12.0, 30.0])
-    assert buffer.sooner.wait(0)
-    assert buffer.due(20.0) == 12.0
-    buffer.expect([12.0, 15.0])
-    assert not buffer.sooner.wait(0)
-
-
 def test_a_bell_is_heard_once() -> None:
     """However often it is rung before anyone waits; and from another thread by one who waits already."""
     waker = Waker()
@@ -99,18 +69,6 @@ def test_a_bell_is_heard_once() -> None:
     thread.start()
     assert waker.wait(60.0)
     thread.join()
-
-
-def test_the_bell_rings_at_once_for_a_time_that_has_come() -> None:
-    """What came in while the reader was at work is not slept through; expecting nothing wakes nobody."""
-    waker = Waker()
-    buffer = Ring(100, waker)
-    buffer.push(block(0, 7))
-    buffer.expect([])
-    buffer.expect([6.5])
-    assert not waker.wait(0)
-    buffer.expect([6.0, 6.5])
-    assert waker.wait(0)
 
 
 def test_a_patient_writer_waits_and_loses_nothing() -> None:

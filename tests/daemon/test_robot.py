@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lostmotion.daemon import config
-from lostmotion.daemon.poller import INBOX_READINGS, DeviceState
+from lostmotion.daemon.poller import INBOX_READINGS, AccelPoller, DeviceState
+from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.robot import Robot
+from lostmotion.daemon.waker import Waker
+from lostmotion.drivers.base import AccelBlock, Identity
+from lostmotion.drivers.clock import CYCLE_S
 from lostmotion.drivers.emulator import CsvStream, Emulator, Motion, ServoLine
 from tests.daemon.cli_world import SIMULATED
 from tests.daemon.conftest import wait_until
@@ -108,6 +114,45 @@ def test_a_loose_plug_is_told_once(
     assert caplog.messages == [
         "fake: reading", "fake: retrying: the port went away", "fake: retrying: the port is missing", "fake: reading",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("rate_hz", "most"), [(200.0, 40), (1000.0, 100), (4000.0, 150)])
+def test_acceleration_is_read_in_cycles(rate_hz: float, most: int) -> None:
+    """When a cycle begins, and as often in between as its samples need: a tty holds about 150."""
+    sensor, ring, stop = Sensor(rate_hz), Ring(20_000, Waker()), threading.Event()
+    poller = AccelPoller("tip", sensor, stop, ring, 1 / rate_hz, waits=False)
+    thread = threading.Thread(target=poller.run)
+    thread.start()
+    wait_until(lambda: len(sensor.reads) > 24)
+    stop.set()
+    thread.join()
+    step = float(np.median(np.diff(sensor.reads)))
+    assert step <= most / rate_hz + 1e-3
+    assert CYCLE_S / step == pytest.approx(round(CYCLE_S / step), rel=0.05)
+    late = np.array(sensor.reads) % (CYCLE_S / round(CYCLE_S / step))
+    assert np.median(late) < 0.01
+
+
+class Sensor:
+    """Notes when it is read [s]."""
+
+    range_ms2 = math.inf
+
+    def __init__(self, rate_hz: float) -> None:
+        self.rate_hz, self.reads = rate_hz, list[float]()
+
+    def open(self) -> None:
+        """There is nothing to open."""
+
+    def identify(self) -> tuple[Identity, ...]:
+        return (Identity("tip", "fake", "fake", ok=True),)
+
+    def read(self) -> AccelBlock:
+        self.reads.append(time.monotonic())
+        return AccelBlock(np.array(self.reads[-1:]), np.zeros(1))
+
+    def close(self) -> None:
+        """Nothing is held open."""
 
 
 def test_a_virtual_robot_does_not_run_ahead(tmp_path: Path) -> None:

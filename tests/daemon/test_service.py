@@ -78,6 +78,24 @@ def test_windows_follow_the_commands_rhythm(configuration: Path, start: Start) -
 
 
 @pytest.mark.slow
+def test_the_main_thread_works_in_cycles(configuration: Path, start: Start) -> None:
+    """Five times a second, though the fake servos bring samples two hundred times a second and a window ends every
+    250 ms: each wake-up costs as much as a score."""
+    service = start(configuration)
+    wait_until(lambda: count(configuration.parent / "history.db") >= 3)
+    status = Path(f"/proc/{service.process.pid}/task/{service.process.pid}/status")
+
+    def waits() -> int:
+        return int(re.findall(r"\nvoluntary_ctxt_switches:\s+(\d+)", status.read_text())[0])
+
+    before, since = waits(), time.monotonic()
+    time.sleep(4.0)
+    rate = (waits() - before) / (time.monotonic() - since)
+    assert service.stop(signal.SIGTERM) == 0
+    assert 2.0 < rate < 20.0
+
+
+@pytest.mark.slow
 def test_reload_takes_a_good_configuration_and_keeps_the_old_one_before_a_bad_one(
     configuration: Path, start: Start
 ) -> None:

@@ -195,6 +195,15 @@ def test_a_score_is_readable_by_others_soon(path: Path) -> None:
         wait_until(lambda: reader.scores("elbow"), 5.0)
 
 
+def test_rows_are_written_when_that_is_asked_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """``flush`` does not wait for the next time that the writer looks."""
+    monkeypatch.setattr(storing, "FLUSH_S", 3600.0)
+    with closing(Store(path, "arm1")) as store, open_readonly(path) as reader:
+        store.add(FULL)
+        store.flush()
+        wait_until(lambda: reader.scores("elbow"), 20.0)
+
+
 def test_raw_windows_stay_below_their_limit(path: Path) -> None:
     """The oldest windows without an impact go first, then the oldest with one; the newest impact stays."""
     rows = [raw_window(second, impact=second % 2 == 0) for second in range(40)]

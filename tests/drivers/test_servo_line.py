@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from statistics import mode
 
 import pytest
 
+from lostmotion.drivers.clock import CYCLE_S
 from lostmotion.drivers.codec.dynamixel import Packet
 from lostmotion.drivers.emulator import Emulator, VirtualServo
 from lostmotion.drivers.servo_line import FIRST_PAUSE_S
@@ -31,6 +33,20 @@ def test_a_silent_servo_costs_the_others_little(model: str) -> None:
         line.servos[2].silent = False
         readings(bus, lambda found: samples(found, "2") and found[-1].silent == ())
         bus.close()
+
+
+@every_kind
+def test_a_reading_ends_with_its_cycle(model: str) -> None:
+    """All polls of one cycle, which begins at a multiple of 0.2 s for every device, come together, and are counted."""
+    with Emulator(servo_line(model, [1, 2])) as emulator:
+        bus = servo_bus(emulator.paths[0], [1, 2], model)
+        bus.open()
+        found = readings(bus, some(80, "1", "2"))[1:]
+        bus.close()
+    begins = [reading.samples[0].time for reading in found if reading.samples]
+    assert all(one // CYCLE_S < other // CYCLE_S for one, other in pairwise(begins))
+    polled = sum(len(reading.samples) + reading.lost for reading in found[:-1])
+    assert polled == pytest.approx(2 * 100 * (begins[-1] - begins[0]), abs=12)
 
 
 def when_asked(servo: VirtualServo) -> list[float]:
