@@ -10,7 +10,17 @@ from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
-from lostmotion.drivers.formats.words import column_of, is_commanded, is_input, is_time, joint_of, speed_of, unit_of
+from lostmotion.drivers.formats.words import (
+    column_of,
+    is_angle,
+    is_commanded,
+    is_input,
+    is_reached,
+    is_time,
+    joint_of,
+    speed_of,
+    unit_of,
+)
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told"]
@@ -72,14 +82,9 @@ def guessed(
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
-    if not MOTIONS & {*chosen, *choice.terms}:
-        speed, note = _speed([one for one in series if one.name in (moving or {}).get("speed", one.name)], joint)
-        chosen |= speed
-        notes += note
-    if MOTIONS & {*chosen} and not DRIVES & {*chosen, *choice.terms}:
-        driven, note = _input(series, joint)
-        chosen |= driven if "force" not in driven else _along_a_line(chosen, driven)
-        notes += note
+    more, told = _by_others(series, choice, joint, chosen, (moving or {}).get("speed", ""))
+    chosen |= more
+    notes += told
     if not chosen and len(rest := _unnamed(series, clock)) == 1:
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
@@ -90,6 +95,23 @@ def guessed(
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
         notes.append(f"not used: {listed(left)}")
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+
+
+def _by_others(
+    series: Sequence[Series], choice: Choice, joint: str, chosen: Mapping[str, Chosen], gyroscope: str
+) -> tuple[dict[str, Chosen], list[str]]:
+    """The motion, by the name of its goal or by its speed, and what drives it, where no names say them; and what a
+    person should know.  gyroscope: the speed whose axis moves most."""
+    found = {} if "position" in {*chosen, *choice.terms} else _reached(series, chosen)
+    notes: list[str] = []
+    if not MOTIONS & {*chosen, *found, *choice.terms}:
+        speed, note = _speed([one for one in series if one.name == (gyroscope or one.name)], joint)
+        found, notes = found | speed, notes + note
+    if MOTIONS & {*chosen, *found} and not DRIVES & {*chosen, *choice.terms}:
+        driven, note = _input(series, joint)
+        found |= driven if "force" not in driven else _along_a_line({**chosen, **found}, driven)
+        notes += note
+    return found, notes
 
 
 def _candidates(series: Sequence[Series], choice: Choice) -> dict[str, list[Series]]:
@@ -114,26 +136,32 @@ def mapped(column: str, series: str, unit: str = "") -> str:
 
 def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> str:
     """What to type where no column was found."""
+    if all(is_time(one.name) or one.name == clock for one in series):
+        return "it holds times only; join it with the file of the motion: MOTION+FILE"
     if rows := moving.get("rows"):
         address = shlex.quote(f"FILE#rate-hz={rows},position={shown(moving['perhaps'])}")
         return f"{moving['why']}, if there are {rows} rows a second: {address}, and a torque as torque=SERIES"
     if why := moving.get("why"):
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
-    example = _example(series, clock, moving.get("perhaps", ""))
+    example = _example(series, clock, moving)
     return f"assign them, as in {example} (deg, mm: units; rpm, deg/s: speeds; *FACTOR: counts)"
 
 
-def _example(series: Sequence[Series], clock: str, swings: str) -> str:
+def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> str:
     """How the first series would be assigned, or the one that swings, and the next one as what drives it, or the one
-    whose name says so; without a header the first column is most often the time."""
-    if swings:
+    whose name says so; without times the one that ascends (``rising``) as these."""
+    if swings := moving.get("perhaps", ""):
         return mapped("position", swings, ":deg")
     names = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     if not clock and len(names) == len(series) > 1:
-        moves = next((one for one in names if not is_input(one)), names[0])
+        rising = moving.get("rising", "")
+        others = [one for one in names if one != rising]
+        moves = next((one for one in others if not is_input(one)), others[0])
         without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}:deg")
-        given = f"{mapped('time', names[0], ':ms')} {mapped('position', names[1], ':deg')}"
+        if not rising:
+            return f"{without}, if there are 100 rows a second"
+        given = f"{mapped('time', rising, moving['steps'])} {mapped('position', moves, ':deg')}"
         return f"{given}, or without times, if there are 100 rows a second, {without}"
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
     first, *rest = sorted(names, key=lambda one: (is_input(one), has_input and one != "y")) or ["SERIES"]
@@ -145,6 +173,13 @@ def _example(series: Sequence[Series], clock: str, swings: str) -> str:
     return ", and ".join(
         [mapped("position", first, unit), *(f"a torque {mapped('torque', one)}" for one in drives[:1])]
     )
+
+
+def _reached(series: Sequence[Series], chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:
+    """What the command asks for, by its name, as the position."""
+    goal = chosen["command"].series if "command" in chosen else ""
+    one = next((one for one in series if goal and is_reached(one.name, goal)), None)
+    return {"position": _chosen("position", one, Term(one.name), f"what {goal} asks for")} if one else {}
 
 
 def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:
@@ -249,7 +284,8 @@ def _check_topics(series: Sequence[Series], topics: Sequence[str], name: str) ->
 def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str) -> str:
     """The joint that is meant.  Raises RecordingError where that is not clear."""
     of = {column: {joint_of(one.name) for one in candidates.get(column, ())} - {""} for column in OF_JOINTS}
-    moving = sorted(of["command"] | of["position"] | of["torque"])
+    turning = [*candidates.get("command", ()), *candidates.get("position", ())]  # a kind of torque is no joint
+    moving = sorted({joint_of(one.name) for one in turning} - {""} if turning else of["torque"])
     if choice.joint:
         everywhere = sorted(set().union(*of.values()))
         if choice.joint not in everywhere and everywhere:
@@ -272,8 +308,9 @@ def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str
 
 def _of_joint(found: Sequence[Series], column: str, joint: str) -> list[Series]:
     """Those of the joint, the plainest names first, of these those in a unit of the column: of ``Force (V)`` and
-    ``Force (N)`` the second; a sensor's too, where none has the joint's name."""
-    own = sorted((one for one in found if joint_of(one.name) == joint), key=lambda one: not _has_unit(one, column))
+    ``Force (N)`` the second; then what is called an angle; a sensor's too, where none has the joint's name."""
+    own = [one for one in found if joint_of(one.name) == joint]
+    own.sort(key=lambda one: (not _has_unit(one, column), column == "position" and not is_angle(one.name)))
     plain = [one for one in own if one.name == column] or sorted(own, key=lambda one: is_commanded(one.name))
     return plain or ([] if column in OF_JOINTS and joint and any(joint_of(one.name) for one in found) else list(found))
 

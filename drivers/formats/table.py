@@ -15,7 +15,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import listed, mapped, named
 from lostmotion.drivers.formats.source import DATE, Choice, Samples, Series, Term
-from lostmotion.drivers.formats.words import UNNAMED, is_run, is_time, time_rank, unit_of
+from lostmotion.drivers.formats.words import UNNAMED, ends_in_time, is_run, is_time, time_rank, unit_of
 from lostmotion.drivers.units import to_si
 
 __all__ = ["Table", "seconds"]
@@ -25,11 +25,9 @@ EPOCH_S = (1e9, 4e9)
 LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
 """of a time axis without a name; and the rows of the recordings that stand one after another in a file"""
 COUNTED = 2.0
-"""whole numbers in such steps and larger are no seconds, but what a clock counts"""
+"""Times in such steps and larger are no seconds, but what a clock counts, in whole numbers or with fractions."""
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""
-HOURS_S = 3600.0
-"""A step between two rows that is no time in seconds: a robot's log in µs with fractions has 20059.7."""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """numbers beyond these count from 1970 in this unit"""
 
@@ -80,19 +78,19 @@ class Table:
             if not 0 < choice.rate_hz <= 1e9:
                 raise RecordingError(f"{self.name}: found a rate of {choice.rate_hz:g} Hz, expected 0 to 1e9 Hz")
             return None
-        found = self._times()
+        found = self.times
         if clock := self.clock:
             return next((one, Term(one.name)) for one in self.series if one.name == clock)
         if not found:
-            several = f"choose their series, as in {mapped('time', self.series[0].name, ':ms')}, or "
             raise RecordingError(
-                f"{self.name}: found {listed(self.series)}, and no times; {several if len(self.series) > 1 else ''}"
+                f"{self.name}: found {listed(self.series)}, and no times; {self._advised()}"
                 "give the rows a second, if there are 100: FILE#rate-hz=100"
             )
         best = min(found, key=lambda one: (time_rank(one.name), is_run(one.name)))
         return best, Term(best.name)
 
-    def _times(self) -> list[Series]:
+    @property
+    def times(self) -> list[Series]:
         """The series that are times by their names, else those of dates."""
         named_times = [one for one in self.series if is_time(one.name)]
         return named_times or [one for one in self.series if one.unit == DATE]
@@ -102,13 +100,15 @@ class Table:
         """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
         that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs; of several the
         times of structures, if they are the same; without a header also the only one that ascends."""
-        if self._times():
+        if self.times:
             return ""
         names = [one.name for one in self.series if not one.unit]
         if names[:1] and _ascends(self.load(names[:1])[names[0]]):
             return names[0]
         loaded = self.load(names) if len(names) <= MOST_LOOKED_AT else {}
         found = [name for name, values in loaded.items() if _ascends(values)]
+        if not found:  # what says that it is one may stand still for a row
+            found = [name for name in loaded if ends_in_time(name) and _ascends(loaded[name], may_repeat=True)]
         if not found and all(UNNAMED.fullmatch(name) for name in names):
             found = [
                 name for name, values in loaded.items() if len(values) > LEAST_ROWS and (np.diff(values) > 0).all()
@@ -116,6 +116,21 @@ class Table:
         if len(found) > 1:
             found = [name for name in found if is_time(name.rpartition(".")[2])]
         return found[0] if found and all(np.array_equal(loaded[found[0]], loaded[other]) for other in found) else ""
+
+    def _advised(self) -> str:
+        """What to type for the times; "" for none."""
+        return f"choose their series, as in {mapped('time', *self.rising)}, or " if self.rising else ""
+
+    @cached_property
+    def rising(self) -> tuple[str, str] | None:
+        """The first series that only ascends, and does not count the rows, which may be the times; and ``:unit``."""
+        names = [one.name for one in self.series][:MOST_LOOKED_AT]
+        loaded = {name: np.asarray(values, dtype=np.float64) for name, values in self.load(names).items()}
+        steps = {name: np.diff(values) for name, values in loaded.items() if values.size > LEAST_ROWS}
+        found = [
+            name for name, each in steps.items() if (each >= 0).all() and np.mean(each > 0) > 0.5 and np.ptp(each) > 0
+        ]
+        return (found[0], f":{_counted(loaded[found[0]]) or 's'}") if found else None
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
         known = times[~np.isnan(times)]
@@ -139,9 +154,12 @@ class Table:
         return [f"{lost} rows without a time were left out"] if lost else []
 
 
-def _ascends(column: Array) -> bool:
-    """Whether numbers ascend in steps of one size, which may be those of a time."""
+def _ascends(column: Array, may_repeat: bool = False) -> bool:
+    """Whether numbers ascend in steps of one size, which may be those of a time; may_repeat: some of them may stand
+    twice."""
     values = np.asarray(column, dtype=np.float64)
+    if may_repeat:
+        values = values[np.concatenate([[True], np.diff(values) != 0])]
     steps = np.diff(values)
     anew = np.count_nonzero(~(steps > 0)) if _counted(values) else 0  # a clock may begin anew
     if steps.size < LEAST_ROWS * (1 + anew) or not (anew or (steps > 0).all()):
@@ -190,14 +208,12 @@ def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[
 
 
 def _counted(values: Array) -> str:
-    """The unit in which a clock counts whole numbers, as ``millis()`` and ``micros()`` do: the largest in which their
-    steps are shorter than half a second; of fractions where a step in seconds would be hours.  "" for s, or where none
-    can be told."""
+    """The unit in which a clock counts, as ``millis()`` and ``micros()`` do: the largest in which its steps are shorter
+    than half a second.  "" for s, or where none can be told."""
     if values.size < LEAST_ROWS:
         return ""
-    usual, is_whole = float(np.median(np.diff(values))), bool((values == np.rint(values)).all())
-    is_counted = usual >= (COUNTED if is_whole else HOURS_S)
-    smaller = (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if is_counted else ()
+    usual = float(np.median(np.diff(values)))
+    smaller = (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if usual >= COUNTED else ()
     return next((unit for unit, size in smaller if usual * size < LONGEST_STEP_S), "")
 
 

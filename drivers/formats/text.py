@@ -31,6 +31,7 @@ from lostmotion.drivers.formats.text_layout import (
     layout_of,
     lines_of,
 )
+from lostmotion.drivers.formats.words import UNNAMED
 
 __all__ = ["open_lines", "open_text"]
 
@@ -138,8 +139,9 @@ def _column(cells: list[str], index: int, layout: Layout) -> NDArray[Any]:
 
 
 def _is_numeric(rows: list[list[str]], index: int, layout: Layout) -> bool:
-    """Whether a column holds numbers, but for a few rows that are none."""
+    """Whether a column holds numbers, but for a few rows that are none; without a name also not only empty cells."""
     if index in layout.dates:
         return True
     found = sum(number(row[index], layout.decimal_comma) is not None for row in rows)
-    return found >= (1 - MOST_BROKEN) * len(rows)
+    is_empty = UNNAMED.fullmatch(layout.header[index]) and not any(row[index].strip() for row in rows)
+    return found >= (1 - MOST_BROKEN) * len(rows) and not is_empty

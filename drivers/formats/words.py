@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "is_angle", "is_commanded", "is_gyroscope", "is_input",
-    "is_run", "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
+    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
+    "is_gyroscope", "is_input", "is_reached", "is_run", "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
     "without_joint",
 ]  # fmt: skip
 
@@ -123,13 +124,23 @@ def column_of(name: str) -> str | None:
     if words & OTHER or OUTPUT.search(name):
         return None
     found = [column for column, known in QUANTITIES.items() if words & known]
-    if words & (POSITION - SYMBOLS if found else POSITION) or {"observation", "state"} <= words:
+    if _says_position(name, found) or {"observation", "state"} <= words:
         return "command" if words & COMMAND else "position"
     if found:
         return None if words & COMMAND and not words & COMMANDED else found[0]
     if words & COMMAND or words & MEASURED:
         return "command" if words & COMMAND else "position"
     return _column_of_unit(name)
+
+
+def _says_position(name: str, others: Sequence[str]) -> bool:
+    """Whether a name says a position: by a symbol where it says no other quantity, else by the last word of one, as
+    what is before that is the joint: of ``wrist_angle_effort`` the torque."""
+    words = _words(name)
+    if not others:
+        return bool({*words} & POSITION)
+    known = (POSITION - SYMBOLS).union(*(QUANTITIES[other] for other in others))
+    return next(word for word in reversed(words) if word in known) in POSITION
 
 
 def _column_of_unit(name: str) -> str | None:
@@ -148,6 +159,11 @@ def is_angle(name: str) -> bool:
 def is_commanded(name: str) -> bool:
     """Whether a series is what was asked for, and not what was measured."""
     return bool(set(_words(name)) & COMMAND)
+
+
+def is_reached(name: str, goal: str) -> bool:
+    """Whether a name is that of a goal without the word that says so: ``Stroke`` of ``Stroke_Ref``."""
+    return [word for word in _words(goal) if word not in COMMAND] == _words(name)
 
 
 def is_gyroscope(name: str) -> bool:
@@ -184,6 +200,12 @@ def axis_of(name: str) -> str:
 def is_time(name: str) -> bool:
     """Whether a series of this name may be the time axis."""
     return time_rank(name) < len(TIMES) + 1
+
+
+def ends_in_time(name: str) -> bool:
+    """Whether the last word of a name says a time, as of ``loop_time`` and ``pi_time``, whatever its others say."""
+    words = [word for word in _words(BRACKETED.sub("", RUN.sub("", name))) if word not in UNITS]
+    return words[-1:] == ["time"] or words[-1:] == ["timestamp"]
 
 
 def time_rank(name: str) -> int:

@@ -50,7 +50,7 @@ def foreign(own: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     recording = read_recording(own)
     frame = pd.DataFrame({"__time": recording.time})
     frame[ELBOW] = np.degrees(recording.columns["command"])
-    frame["/controller_state/reference/wrist/positions"] = 0.01 * recording.time
+    frame["/controller_state/reference/wrist/positions"] = 0.5 * frame[ELBOW]
     frame["/imu/linear_acceleration/x"] = recording.columns["accel"] / 9.80665
     frame.to_csv(path, index=False)
     return path

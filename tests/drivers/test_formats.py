@@ -197,7 +197,7 @@ def test_other_layouts_of_text(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(path, "time=column1", "position=column2").recording.time, T)
     assert read(path, "position=column2", rate_hz=50).recording.time[-1] == pytest.approx(199 / 50)
     path.write_text("pos,load\n1,2\n3,4\n")
-    assert "and no times; choose their series" in refused(path)
+    assert "and no times; give the rows a second" in refused(path)
 
 
 def test_lines_that_name_their_numbers(tmp_path: Path) -> None:
@@ -521,7 +521,7 @@ def test_a_time_without_a_name_ascends_evenly(tmp_path: Path) -> None:
     found = read(path, "position=column2").recording
     np.testing.assert_allclose(found.time, T, atol=1e-9)
     path = table(tmp_path / "y.txt", "", ANGLE, 2 * ANGLE)
-    assert "--map time=column1:ms" in refused(path, "position=column2")
+    assert "and no times; give the rows a second" in refused(path, "position=column2")
 
 
 def test_what_stands_beside_our_own_names_is_read_too(tmp_path: Path) -> None:

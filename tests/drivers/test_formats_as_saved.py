@@ -487,7 +487,9 @@ def test_the_advice_suits_what_a_file_has(header: str, advice: str, tmp_path: Pa
     assert advice in refused(path)
 
 
-@pytest.mark.parametrize(("title", "value"), [("h", 1 / 30), ("Ts", 1 / 30), ("fs", 30.0), ("sample_rate", 30.0)])
+@pytest.mark.parametrize(
+    ("title", "value"), [("h", 1 / 30), ("Ts", 1 / 30), ("Tinterval", 1 / 30), ("fs", 30.0), ("sample_rate", 30.0)]
+)
 def test_a_number_says_how_often_rows_were_sampled(title: str, value: float, tmp_path: Path) -> None:
     """Without times their step is a number of the file; one that cannot be (a height of 9 m), or two, are none."""
     scipy.io.savemat(tmp_path / "a.mat", {"theta": SWING, title: value, "g": 9.81})
@@ -503,15 +505,95 @@ def test_a_number_says_how_often_rows_were_sampled(title: str, value: float, tmp
 
 
 def test_joints_that_do_not_move_are_left_out(tmp_path: Path) -> None:
-    """Of two encoders the one that counts; if both do, one must be named."""
+    """Of two encoders the one that counts, or moves most by far; if both do, one must be named."""
     path = tmp_path / "disk.csv"
     header = "Time (s),Angle, Ch 1+2 (rad),Angle, Ch 3+4 (rad)".replace("Angle, ", "Angle ")
     path.write_text(header + "\n" + rows(T, SWING, 0 * T, sign=","))
     found = read(path)
     assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
-    assert "left out, as they do not move: Ch 3+4" in found.notes
-    path.write_text(header + "\n" + rows(T, SWING, 0.001 * T, sign=","))
+    assert "taken is Ch 1+2, which moves most by far; not Ch 3+4" in found.notes
+    path.write_text(header + "\n" + rows(T, 0.1 * SWING, SWING, sign=","))
+    assert read(path).recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+    assert read(path, joint="Ch 1+2").recording.columns["position"] == pytest.approx(0.1 * SWING, abs=1e-5)
+    path.write_text(header + "\n" + rows(T, 0.2 * SWING, SWING, sign=","))
     assert "found 2 joints, expected one; choose with --joint NAME" in refused(path)
+
+
+def test_joints_that_never_change_are_left_out_of_several_that_move(tmp_path: Path) -> None:
+    """So that the refusal lists only those that move."""
+    path = tmp_path / "arm.csv"
+    path.write_text("time,hip_pos,knee_pos,foot_pos\n" + rows(T, SWING, SWING, 0 * T, sign=","))
+    assert "found 2 joints, expected one; choose with --joint NAME (or FILE#joint=NAME) from hip, knee" in refused(path)
+
+
+def test_torques_of_several_kinds_are_of_the_one_angle(tmp_path: Path) -> None:
+    """A kind of torque is no joint where an angle has none."""
+    path = tmp_path / "gravity.csv"
+    header = "Timestamp,Output Angle [deg],Gravity Torque [Nm],Friction Torque [Nm],Target Torque [Nm]"
+    path.write_text(header + "\n" + rows(T, np.degrees(SWING), SWING, 0 * T, 2 * SWING, sign=","))
+    found = read(path).recording.columns
+    assert found["position"] == pytest.approx(SWING, abs=1e-5)
+    assert found["torque"] == pytest.approx(2 * SWING, abs=1e-5)
+
+
+def test_what_a_goal_asks_for_is_the_position(tmp_path: Path) -> None:
+    """Its name is that of the goal without the word for it, whatever it says."""
+    path = tmp_path / "tendon.csv"
+    path.write_text("Time,Stroke_Ref,Stroke,Tension\n" + rows(T, SWING, 0.9 * SWING, T, sign=","))
+    found = read(path).recording.columns
+    assert found["command"] == pytest.approx(SWING, abs=1e-5)
+    assert found["position"] == pytest.approx(0.9 * SWING, abs=1e-5)
+
+
+def test_an_angle_is_the_position_before_a_place(tmp_path: Path) -> None:
+    """Of the places and angles of a tracker, of which the first was read as the angle."""
+    path = tmp_path / "tracker.csv"
+    path.write_text("Time,Pos x,Angle x\n" + rows(T, 50 * T, SWING, sign=","))
+    assert read(path).recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+
+
+def test_empty_columns_without_a_name_are_none(tmp_path: Path) -> None:
+    """An oscilloscope writes its settings beside the first rows."""
+    settings_of = ["Record Length,300", "Sample Interval,0.0333", "Vertical Units,V"] + [","] * 297
+    lines = rows(T, SWING, sign=",").splitlines()
+    path = tmp_path / "scope.csv"
+    path.write_text("".join(f"{left},,{right},\n" for left, right in zip(settings_of, lines, strict=True)))
+    assert read(path).recording.columns["position"][5:] == pytest.approx(SWING[8:], abs=1e-5)
+
+
+def test_what_a_name_says_last_is_its_quantity() -> None:
+    """What is before is the joint, or what was measured."""
+    columns = {
+        "wrist_angle_effort": "torque", "elbow_angle_pos": "position", "q3_tau": "torque",
+        "encoder_temp": "temperature", "Current Position": "position",
+    }  # fmt: skip
+    assert {name: column_of(name) for name in columns} == columns
+
+
+@pytest.mark.parametrize("name", ["pi_time", "loop_time"])
+def test_a_name_that_ends_in_time_is_one(name: str, tmp_path: Path) -> None:
+    """Rows of a busy computer may stand at the same time."""
+    path = tmp_path / "motor.csv"
+    path.write_text(f"{name},angle,current\n" + rows(T.repeat(2)[:300], SWING, SWING, sign=","))
+    assert read(path).recording.time[-1] == pytest.approx(T[149], abs=1e-5)
+
+
+def test_milliseconds_with_fractions_are_no_seconds(tmp_path: Path) -> None:
+    """Of stamps as floating-point numbers, whose steps would be half a minute."""
+    path = tmp_path / "motor.csv"
+    path.write_text("time,angle\n" + rows(1000 * T + 0.25, SWING, sign=","))
+    assert read(path).recording.time[-1] - read(path).recording.time[0] == pytest.approx(T[-1], abs=1e-5)
+
+
+def test_the_advised_times_ascend_in_their_unit(tmp_path: Path) -> None:
+    """The command that the refusal gives reads the file; the number of the row is no time."""
+    path = tmp_path / "log.csv"
+    uneven = np.random.default_rng(0).exponential(33, T.size).cumsum()
+    path.write_text("pos,load,stamped\n" + rows(SWING, SWING, uneven, sign=","))
+    assert "choose their series, as in --map time=stamped:ms, or give the rows a second" in refused(path)
+    assert read(path, "time=stamped:ms").recording.time[-1] == pytest.approx(uneven[-1] / 1000, abs=1e-5)
+    path.write_text("row,pos,load\n" + rows(np.arange(300.0) // 2, SWING, SWING, sign=","))
+    assert "and no times; give the rows a second, if there are 100: FILE#rate-hz=100" in refused(path)
 
 
 def test_rows_that_begin_with_a_time_of_day(tmp_path: Path) -> None:
