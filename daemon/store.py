@@ -211,21 +211,23 @@ class Store:
         if self._file is None or self.damage is not None:
             return
         if file_identity(self._link) == self._file:
-            wal = self.path.with_name(f"{self.path.name}-wal")
-            self._wal = file_identity(wal)
-            self._look_at_size(wal)
+            self._look_at_log()
         else:
             what = "replaced by another file" if self._link.exists() else "deleted"
             self.damage = ReplacedError(
                 f"{self._link}: was {what} while it was open; the service continues in a new one"
             )
 
-    def _look_at_size(self, wal: Path) -> None:
-        """Logs when the write-ahead log cannot be written back, because a reader keeps a transaction open."""
+    def _look_at_log(self) -> None:
+        """Notes the write-ahead log's identity; logs when it cannot be written back, because a reader keeps a
+        transaction open."""
+        wal = self.path.with_name(f"{self.path.name}-wal")
         try:
-            size = wal.stat().st_size
+            found = wal.stat()
         except OSError:
-            size = 0
+            self._wal, size = None, 0
+        else:
+            self._wal, size = (found.st_dev, found.st_ino), found.st_size
         grows = size > MOST_WAL_BYTES
         if self._wal_condition.is_news("grows" if grows else "", time.monotonic()):
             text = (

@@ -129,7 +129,8 @@ class CanSink:
         if descriptor is None:
             seconds = min(seconds, LISTEN_S)
         else:
-            self._wakeup.wait(seconds, descriptor)
+            if not self._wakeup.wait(seconds, descriptor):
+                return
             seconds = 0.0
         for _ in range(READ_AT_ONCE):
             try:

@@ -21,11 +21,13 @@ class Wakeup:
         """Ends a wait, also the next one if none is waiting now."""
         os.eventfd_write(self._event, 1)
 
-    def wait(self, seconds: float, *others: int) -> None:
-        """Returns when it is woken, when another descriptor is readable or broken, or after so many seconds."""
+    def wait(self, seconds: float, *others: int) -> bool:
+        """Returns when it is woken, when another descriptor is readable or broken, or after so many seconds; whether
+        another is."""
         poll = select.poll()
         for descriptor in (self._event, *others):
             poll.register(descriptor, select.POLLIN)
-        ready = poll.poll(max(seconds, 0.0) * 1000)
-        if any(descriptor == self._event for descriptor, _ in ready):
+        ready = {descriptor for descriptor, _ in poll.poll(max(seconds, 0.0) * 1000)}
+        if self._event in ready:
             os.eventfd_read(self._event)
+        return bool(ready - {self._event})

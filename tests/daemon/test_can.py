@@ -30,6 +30,7 @@ from lostmotion.daemon.records import AlarmEvent, Cause, Health, JointRow, Score
 from lostmotion.daemon.sinks import can as sinking
 from lostmotion.daemon.sinks.can import CanSink
 from lostmotion.daemon.sinks.emcy import EmcyNode
+from lostmotion.daemon.sinks.wakeup import Wakeup
 from lostmotion.drivers.emulator import Emulator
 from tests.daemon.canbus import JOINTS, FaultyBus, SlcanAdapter, SocketcandServer, frame_of
 from tests.daemon.cli_world import SIMULATED, call
@@ -294,6 +295,21 @@ def test_a_bus_that_comes_and_goes_is_told_once(
             while (monitor.recv(0.3) is None) is (code is None):
                 pass
     assert [caplog.text.count(words) for words in ("trying again", "open, node")] == [1, 2]
+
+
+def test_a_wait_tells_whether_the_bus_has_ended_it() -> None:
+    """An adapter from which nothing has come need not be read."""
+    wakeup, (ours, theirs) = Wakeup(), os.pipe()
+    try:
+        wakeup.wake()
+        assert not wakeup.wait(60.0, ours)
+        os.write(theirs, b"t0800\r")
+        assert wakeup.wait(60.0, ours)
+        wakeup.wake()
+        assert wakeup.wait(60.0, ours)
+    finally:
+        os.close(ours)
+        os.close(theirs)
 
 
 def test_an_adapter_is_unplugged_and_plugged_in_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
