@@ -156,7 +156,7 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str]) ->
     names = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     if not clock and len(names) == len(series) > 1:
         rising = moving.get("rising", "")
-        others = [one for one in names if one != rising]
+        others = [one for one in names if one not in (rising, moving.get("counting"))] or names
         moves = next((one for one in others if not is_input(one)), others[0])
         without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}:deg")
         if not rising:

@@ -124,13 +124,21 @@ class Table:
     @cached_property
     def rising(self) -> tuple[str, str] | None:
         """The first series that only ascends, and does not count the rows, which may be the times; and ``:unit``."""
+        found = [name for name, each in self._steps.items() if (each >= 0).all() and np.mean(each > 0) > 0.5]
+        name = next((name for name in found if name not in self.counting), "")
+        return (name, f":{_counted(self.load([name])[name]) or 's'}") if name else None
+
+    @cached_property
+    def counting(self) -> Sequence[str]:
+        """The series that count the rows, which are no motion."""
+        return [name for name, each in self._steps.items() if np.ptp(each) == 0 and each[0] != 0]
+
+    @cached_property
+    def _steps(self) -> Mapping[str, FloatArray]:
+        """From row to row, of each series but for very many."""
         names = [one.name for one in self.series][:MOST_LOOKED_AT]
         loaded = {name: np.asarray(values, dtype=np.float64) for name, values in self.load(names).items()}
-        steps = {name: np.diff(values) for name, values in loaded.items() if values.size > LEAST_ROWS}
-        found = [
-            name for name, each in steps.items() if (each >= 0).all() and np.mean(each > 0) > 0.5 and np.ptp(each) > 0
-        ]
-        return (found[0], f":{_counted(loaded[found[0]]) or 's'}") if found else None
+        return {name: np.diff(values) for name, values in loaded.items() if values.size > LEAST_ROWS}
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
         known = times[~np.isnan(times)]

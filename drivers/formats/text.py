@@ -37,6 +37,9 @@ __all__ = ["open_lines", "open_text"]
 
 CELLS_AT_ONCE = 500_000
 """bounds the text held in memory: each cell takes some 60 bytes"""
+MOST_EMPTY = 0.1
+"""Share of the rows with a cell, below which a column without a name is none: the settings of an oscilloscope stand in
+18 of 400 rows, beside the first of its samples."""
 SHOWN = 40
 """characters of a cell in a message"""
 
@@ -139,9 +142,10 @@ def _column(cells: list[str], index: int, layout: Layout) -> NDArray[Any]:
 
 
 def _is_numeric(rows: list[list[str]], index: int, layout: Layout) -> bool:
-    """Whether a column holds numbers, but for a few rows that are none; without a name also not only empty cells."""
+    """Whether a column holds numbers, but for a few rows that are none; without a name not mostly empty cells."""
     if index in layout.dates:
         return True
     found = sum(number(row[index], layout.decimal_comma) is not None for row in rows)
-    is_empty = UNNAMED.fullmatch(layout.header[index]) and not any(row[index].strip() for row in rows)
+    filled = sum(bool(row[index].strip()) for row in rows)
+    is_empty = UNNAMED.fullmatch(layout.header[index]) and filled < MOST_EMPTY * len(rows)
     return found >= (1 - MOST_BROKEN) * len(rows) and not is_empty

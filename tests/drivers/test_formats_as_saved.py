@@ -554,11 +554,13 @@ def test_an_angle_is_the_position_before_a_place(tmp_path: Path) -> None:
 
 def test_empty_columns_without_a_name_are_none(tmp_path: Path) -> None:
     """An oscilloscope writes its settings beside the first rows."""
-    settings_of = ["Record Length,300", "Sample Interval,0.0333", "Vertical Units,V"] + [","] * 297
+    settings_of = [","] * 300
+    settings_of[:9:4] = ["Record Length,300", "Sample Interval,0.0333", "Vertical Units,V"]
     lines = rows(T, SWING, sign=",").splitlines()
     path = tmp_path / "scope.csv"
     path.write_text("".join(f"{left},,{right},\n" for left, right in zip(settings_of, lines, strict=True)))
-    assert read(path).recording.columns["position"][5:] == pytest.approx(SWING[8:], abs=1e-5)
+    found = read(path).recording
+    assert found.columns["position"] == pytest.approx(np.interp(found.time, T, SWING), abs=1e-4)
 
 
 def test_what_a_name_says_last_is_its_quantity() -> None:
@@ -614,3 +616,12 @@ def test_rows_that_begin_with_a_time_of_day(tmp_path: Path) -> None:
 def test_symbols(name: str, column: str | None) -> None:
     assert column_of(name) == column
     assert (speed_of(name) is not None) == (name == "phidot")
+
+
+def test_the_number_of_the_row_is_not_advised_as_the_position(tmp_path: Path) -> None:
+    """Neither as the time."""
+    path = tmp_path / "log.csv"
+    path.write_text("Sample Number,CHANNEL0,CHANNEL1\n" + rows(np.arange(300.0), SWING, SWING, sign=","))
+    assert "assign them, as in 'FILE#rate-hz=100,position=CHANNEL0:deg', if there are 100 rows a second" in refused(
+        path
+    )
