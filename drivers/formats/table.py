@@ -24,8 +24,11 @@ EPOCH_S = (1e9, 4e9)
 """2001 to 2096: times in this range count from 1970"""
 LEAST_ROWS, LONGEST_STEP_S = 20, 0.5
 """of a time axis without a name; and the rows of the recordings that stand one after another in a file"""
-COUNTED = 2.0
-"""Times in such steps and larger are no seconds, but what a clock counts, in whole numbers or with fractions."""
+COUNTED = 1.0
+"""Times in such steps and larger are no seconds, but what a clock counts, in whole numbers or with fractions: of 15
+published files with steps of 1 to 1.2 none has one row a second."""
+MOST_STEPS = 0.5
+"""Share of the rows, in which what may be a time ascends; a step of an input ascends once."""
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
@@ -98,11 +101,13 @@ class Table:
     @cached_property
     def clock(self) -> str:
         """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
-        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs; of several the
-        times of structures, if they are the same; without a header also the only one that ascends."""
+        that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs, but not from 0 or
+        1 on by one a row; of several the times of structures, if they are the same; without a header also the only one
+        that ascends."""
         if self.times:
             return ""
-        names = [one.name for one in self.series if not one.unit]
+        rows = {name for name in self.counting if self.load([name])[name][0] in (0, 1)}
+        names = [one.name for one in self.series if not one.unit and one.name not in rows]
         if names[:1] and _ascends(self.load(names[:1])[names[0]]):
             return names[0]
         loaded = self.load(names) if len(names) <= MOST_LOOKED_AT else {}
@@ -124,14 +129,14 @@ class Table:
     @cached_property
     def rising(self) -> tuple[str, str] | None:
         """The first series that only ascends, and does not count the rows, which may be the times; and ``:unit``."""
-        found = [name for name, each in self._steps.items() if (each >= 0).all() and np.mean(each > 0) > 0.5]
+        found = [name for name, each in self._steps.items() if (each >= 0).all() and np.mean(each > 0) > MOST_STEPS]
         name = next((name for name in found if name not in self.counting), "")
         return (name, f":{_counted(self.load([name])[name]) or 's'}") if name else None
 
     @cached_property
     def counting(self) -> Sequence[str]:
         """The series that count the rows, which are no motion."""
-        return [name for name, each in self._steps.items() if np.ptp(each) == 0 and each[0] != 0]
+        return [name for name, each in self._steps.items() if np.ptp(each) == 0 and each[0] == 1]
 
     @cached_property
     def _steps(self) -> Mapping[str, FloatArray]:

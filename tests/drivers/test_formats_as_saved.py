@@ -625,3 +625,18 @@ def test_the_number_of_the_row_is_not_advised_as_the_position(tmp_path: Path) ->
     assert "assign them, as in 'FILE#rate-hz=100,position=CHANNEL0:deg', if there are 100 rows a second" in refused(
         path
     )
+
+
+def test_whole_milliseconds_of_a_thousand_rows_a_second(tmp_path: Path) -> None:
+    """Of a microcontroller, which takes now and then two of them; they were seconds."""
+    path = tmp_path / "counts.txt"
+    stamps = 12912 + np.arange(300) + np.arange(300) // 5
+    path.write_text("".join(f"{stamp}\t{2128 + 500 * q:.0f}\n" for stamp, q in zip(stamps, SWING, strict=True)))
+    assert np.ptp(read(path).recording.time) == pytest.approx(0.358)
+
+
+def test_the_number_of_the_row_is_no_time(tmp_path: Path) -> None:
+    """It was one of seconds."""
+    path = tmp_path / "rows.txt"
+    path.write_text(rows(np.arange(1.0, 301), SWING, sign=" "))
+    assert "position=column2:deg', if there are 100 rows a second" in refused(path)
