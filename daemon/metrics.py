@@ -35,11 +35,9 @@ LAST: tuple[tuple[str, str, Callable[[ScoreRow], float]], ...] = (
     ("play_low_radians", "Lower end of its 95 % interval", lambda row: row.play_low),
     ("play_high_radians", "Upper end of its 95 % interval", lambda row: row.play_high),
     ("last_window_timestamp_seconds", "When the last window began", lambda row: row.time.timestamp()),
-)
-SEVERITY: tuple[tuple[str, str, Callable[[ScoreRow], float]], ...] = (
-    ("severity_rad", "Equivalent play of the last window; NaN where it is unknown", lambda row: row.severity),
-    ("severity_low_rad", "Lower end of its 95 % interval, 0 where there may be none", lambda row: row.severity_low),
-    ("severity_high_rad", "Upper end of its 95 % interval", lambda row: row.severity_high),
+    ("severity_radians", "Equivalent play of the last window; NaN where it is unknown", lambda row: row.severity),
+    ("severity_low_radians", "Lower end of its 95 % interval, 0 where there may be none", lambda row: row.severity_low),
+    ("severity_high_radians", "Upper end of its 95 % interval", lambda row: row.severity_high),
 )
 RETRY_S = 2.0
 """between two attempts to listen at an address that another program has, of 42 us of processor time each [s]"""
@@ -128,8 +126,7 @@ def _windows(counts: Mapping[str, Counts]) -> Iterator[Family]:
 
 def _joints(reader: Reader) -> Iterator[Family]:
     health = Family("lostmotion_joint_health", "gauge", "1 for the joint's health", ("joint", "health"))
-    rows = [(f"joint_{name}", words, of) for name, words, of in LAST] + list(SEVERITY)
-    last = [(Family(f"lostmotion_{name}", "gauge", words, ("joint",)), of) for name, words, of in rows]
+    last = [(Family(f"lostmotion_joint_{name}", "gauge", words, ("joint",)), of) for name, words, of in LAST]
     for joint in reader.joints():
         for state in Health:
             health.add(joint.health is state, joint.name, state.value)

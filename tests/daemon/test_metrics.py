@@ -70,10 +70,10 @@ def test_numbers_are_those_of_the_database(tmp_path: Path) -> None:
     assert value(found["lostmotion_joint_score"], joint="elbow") == 17.5
     assert value(found["lostmotion_joint_level"], joint="wrist") == 8.0
     assert value(found["lostmotion_joint_play_high_radians"], joint="elbow") == 1.1e-3
-    assert value(found["lostmotion_severity_rad"], joint="elbow") == 2e-3
-    assert value(found["lostmotion_severity_high_rad"], joint="elbow") == 4e-3
-    assert math.isnan(value(found["lostmotion_severity_low_rad"], joint="elbow"))
-    assert found["lostmotion_severity_rad"].documentation.startswith("Equivalent play")
+    assert value(found["lostmotion_joint_severity_radians"], joint="elbow") == 2e-3
+    assert value(found["lostmotion_joint_severity_high_radians"], joint="elbow") == 4e-3
+    assert math.isnan(value(found["lostmotion_joint_severity_low_radians"], joint="elbow"))
+    assert found["lostmotion_joint_severity_radians"].documentation.startswith("Equivalent play")
     assert math.isnan(value(found["lostmotion_joint_play_radians"], joint="wrist"))
     assert value(found["lostmotion_joint_last_window_timestamp_seconds"], joint="elbow") == NOON.timestamp()
     healths = {sample.labels["health"]: sample.value for sample in found["lostmotion_joint_health"].samples[:4]}
