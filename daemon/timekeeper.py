@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-__all__ = ["DOUBTFUL", "ClockRow", "Mend", "Timekeeper"]
+__all__ = ["DOUBTFUL", "STEP_S", "ClockRow", "Mend", "Timekeeper"]
 
 STEP_S = 60.0
 """smaller steps are followed at once [s]"""

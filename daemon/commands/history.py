@@ -33,7 +33,13 @@ def history(joint: str, config: Path | None, database: Path | None, bounds: Boun
         elif form == "csv":
             _print_csv(reader.stream(joint, bounds))
         else:
-            _print_table(joint, reader.stream(joint, bounds), reader.largest(joint, bounds))
+            last = reader.last_window(joint)
+            newest = f"; the newest is of {times.local(last.time)}" if last else ""
+            _print_table(
+                reader.stream(joint, bounds),
+                reader.largest(joint, bounds),
+                f"no scores of {joint} in that time{newest}",
+            )
 
 
 def _print_csv(batches: Iterator[list[ScoreRow]]) -> None:
@@ -50,11 +56,11 @@ def _cell(value: Any) -> Any:
     return "" if isinstance(value, float) and math.isnan(value) else value
 
 
-def _print_table(joint: str, batches: Iterator[list[ScoreRow]], largest: float) -> None:
+def _print_table(batches: Iterator[list[ScoreRow]], largest: float, nothing: str) -> None:
     columns = ("time (UTC)", "score", "", "level", "impact", "play", "severity", "quality")
     rows = ([_row(score, largest) for score in scores] for scores in batches)
     if not output.print_long_table(columns, rows, right=("score", "level", "play", "severity")):
-        output.print_lines([f"no scores of {joint} in that time"])
+        output.print_lines([nothing])
 
 
 def _row(score: ScoreRow, full: float) -> list[str]:

@@ -13,7 +13,8 @@ from lostmotion.daemon.commands.where import find_database, open_reader
 from lostmotion.daemon.database import is_full, is_held
 from lostmotion.daemon.learnt import NoiseRow
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow, from_micros
+from lostmotion.daemon.timekeeper import STEP_S, ClockRow
 
 __all__ = ["status"]
 
@@ -37,19 +38,24 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
             output.print_json(documents.status(reader))
         else:
             _print(reader)
-        is_bad = bool(reader.active_alarms())
+        is_bad, clock = bool(reader.active_alarms()), reader.clock()
     if not as_json:
-        output.print_lines(_about(find_database(config, database)))
+        output.print_lines(_about(find_database(config, database), clock))
     return int(fail and is_bad)
 
 
-def _about(database: Path) -> list[str]:
-    """What makes the state that the database has an old one."""
+def _about(database: Path, clock: ClockRow | None) -> list[str]:
+    """What makes the state that the database has an old one, or its times others than this computer's."""
     if is_held(database) is False:
         return ["no service is running: this is the state that the last one left"]
     if is_full(database.resolve().parent):
         return [f"the disk of {database} is full: what the service has measured since then waits in its memory"]
-    return []
+    known, now = clock and from_micros(clock.known_us), datetime.now(UTC)
+    if known is None or abs((now - known).total_seconds()) <= STEP_S:
+        return []
+    how_far = f"{times.span(abs((now - known).total_seconds()))} {'behind' if known < now else 'ahead of'}"
+    why = "the clock has stepped, or the service no longer writes; its log tells which"
+    return [f"the service's time is {times.local(known)} UTC, {how_far} this computer's clock: {why}"]
 
 
 def _joint(reader: Reader, joint: JointRow) -> JointStatus:

@@ -22,10 +22,12 @@ import pytest
 from pyarrow import parquet
 
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.records import DeviceRow, Origin, Origins, ScoreRow
+from lostmotion.daemon.records import DeviceRow, Origin, Origins, ScoreRow, micros
 from lostmotion.daemon.store import Store
+from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.daemon.times import TimeError, ago, parse, span
 from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, START, call, fill, is_one_line
+from tests.daemon.conftest import wait_until
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +82,24 @@ def test_status_says_when_nobody_watches(database: Path) -> None:
     assert "no service is running" in call("status", "--database", database).stdout
     with closing(Store(database, "arm1")):
         assert "no service is running" not in call("status", "--database", database).stdout
+
+
+@pytest.mark.parametrize(("ahead_s", "words"), [(-7 * 3600.0, "7 h behind"), (95e6, "3.0 y ahead of"), (5.0, "")])
+def test_status_says_when_the_clock_has_stepped(tmp_path: Path, ahead_s: float, words: str) -> None:
+    """The service goes on with its own time until a step is confirmed; "3.0 y ago" would be a riddle."""
+    with closing(Store(tmp_path / "h.db", "arm1")) as store:
+        store.add(ClockRow(micros(datetime.now(UTC)) + round(ahead_s * 1e6), 0))
+        store.flush()
+        wait_until(lambda: store.waiting() == 0)
+        text = call("status", "--database", tmp_path / "h.db").stdout
+    assert ("the clock has stepped" in text) == bool(words)
+    assert words in " ".join(text.split())
+
+
+def test_history_without_scores_names_the_newest(database: Path) -> None:
+    """As where the clock has stepped by years, and --since 1d finds nothing."""
+    text = call("history", "elbow", "--database", database, "--since", "2100-01-01").stdout
+    assert re.search(r"no scores of elbow in that time; the newest is of 20\d\d-\d\d-\d\d \d\d:", text)
 
 
 def test_status_counts_lost_samples_beside_those_that_were_read(database: Path) -> None:
