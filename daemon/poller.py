@@ -219,8 +219,9 @@ class BusPoller(Poller):
         status.asked.update(names)
         status.usable.update(names)
         self._inbox.servo.append((self._bus.resolution_rad, samples))
-        while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
+        if self._waits:
             self._inbox.waker.wake()
+        while self._waits and len(self._inbox.servo) > INBOX_READINGS and not self._stop.is_set():
             self._stop.wait(0.002)
 
     def _end(self) -> None:

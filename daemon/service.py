@@ -129,7 +129,7 @@ class Service:
                 self._store.add(Answer(asked, not refusal, refusal or "the service has taken the configuration"))
 
     def _pause(self) -> float:
-        """For how long there is nothing to do [s], unless a virtual robot waits for its reader, or a device ends."""
+        """For how long there is nothing to do [s], unless a virtual robot is read, or a device ends."""
         if self._store.is_settling:
             return SOON_S
         now = time.monotonic() - AFTER_S

@@ -162,6 +162,7 @@ def test_a_virtual_robot_does_not_run_ahead(tmp_path: Path) -> None:
     bus = robot.pollers[0]
     thread = threading.Thread(target=bus.run)
     thread.start()
+    assert robot.inbox.waker.wait(60.0)  # by the first reading: its time may run fast
     wait_until(lambda: len(robot.inbox.servo) > INBOX_READINGS)
     time.sleep(0.3)
     assert len(robot.inbox.servo) == INBOX_READINGS + 1

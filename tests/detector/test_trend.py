@@ -183,6 +183,22 @@ def test_summary_looks_at_what_came_after_a_change() -> None:
     assert wear.time_to_limit.likely / DAY == pytest.approx(10, abs=1)
 
 
+def test_a_motion_is_no_change() -> None:
+    """The windows of one motion share its load: 37 motions of 13 windows in a year show a change in one healthy joint
+    of twenty at most, and a step between two of them in most."""
+    false = found = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        begins = (np.arange(37) * 9.7 + rng.random(37) / 12) * DAY
+        time = (begins[:, None] + 0.3 * np.arange(13)).ravel()
+        score = np.exp(rng.normal(0, 0.4, 37)[:, None] + rng.normal(0, 0.5, (37, 13))).ravel()
+        false += bool(summarise(time, score, 10.0).change_points)
+        changes = summarise(time, score + 5.0 * (time > 180 * DAY), 10.0).change_points
+        found += any(abs(at - 180 * DAY) < 11 * DAY for at in changes)
+    assert false <= 1
+    assert found >= 16
+
+
 def test_a_rise_since_the_last_change_is_drawn_on() -> None:
     """Falling for 60 days to a repair, then growing: the whole has no rise, what came after the change has one."""
     rng = np.random.default_rng(50)
