@@ -275,7 +275,8 @@ def _without_gap(name: str, column: str, time: FloatArray, values: FloatArray) -
     """The samples of the longest part of the input without a gap; a warning reports the rest.  A goal that is the same
     on both sides of a gap was held in it."""
     spacing = np.diff(time)
-    gaps = np.flatnonzero((spacing > LONGEST_GAP * np.median(spacing)) & (np.diff(values) != 0))
+    held = (np.diff(values) == 0) & (column == "command")
+    gaps = np.flatnonzero((spacing > LONGEST_GAP * np.median(spacing)) & ~held)
     ends = np.concatenate([[0], gaps + 1, [time.size]])
     at = int(np.argmax(np.diff(ends)))
     first, last = int(ends[at]), int(ends[at + 1])

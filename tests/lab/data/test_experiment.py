@@ -305,6 +305,18 @@ def test_rounded_times_of_the_outputs_are_evened() -> None:
     assert np.diff(one.time) == pytest.approx(1 / 30, rel=0.03)
 
 
+def test_a_torque_is_not_held_in_a_gap(caplog: pytest.LogCaptureFixture) -> None:
+    """One that is the same on both sides by chance: an actuator's log began with a reading of 0.4 s before, of another
+    angle, and left 138 N m instead of 0.31."""
+    times = np.concatenate([[0.0], 0.4 + np.arange(800) / 400])
+    torque = np.concatenate([[0.0], np.sin(np.arange(800) / 20)])
+    (one,) = experiments(
+        build_model("joint"), [Recording(times, {"position": torque, "torque": torque}, name="arm.csv")]
+    )
+    assert one.time[0] >= 0.4
+    assert "torque has a gap of 0.4 s at 0 s" in caplog.text
+
+
 def test_the_longest_part_without_a_gap_is_used(caplog: pytest.LogCaptureFixture) -> None:
     """Of a recording whose input is missing for 41 samples the longer part is taken, and this is said."""
     (found,) = held("play", without(300, 340, command=COMMAND, accel=ACCEL))
