@@ -153,6 +153,7 @@ def _window(page: Page) -> None:
     """Opens a window late in the year."""
     plot = page.locator("#history .u-over")
     plot.wait_for()
+    _settle(page)  # the plot is drawn anew when its trend has come
     box = plot.bounding_box()
     assert box
     page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"])
