@@ -50,10 +50,13 @@ def _about(database: Path, clock: ClockRow | None) -> list[str]:
         return ["no service is running: this is the state that the last one left"]
     if is_full(database.resolve().parent):
         return [f"the disk of {database} is full: what the service has measured since then waits in its memory"]
-    known, now = clock and from_micros(clock.known_us), datetime.now(UTC)
-    if known is None or abs((now - known).total_seconds()) <= STEP_S:
+    if clock is None:  # a virtual robot's
         return []
-    how_far = f"{times.span(abs((now - known).total_seconds()))} {'behind' if known < now else 'ahead of'}"
+    known = from_micros(clock.known_us)
+    behind_s = (datetime.now(UTC) - known).total_seconds()
+    if abs(behind_s) <= STEP_S:
+        return []
+    how_far = f"{times.span(abs(behind_s))} {'behind' if behind_s > 0 else 'ahead of'}"
     why = "the clock has stepped, or the service no longer writes; its log tells which"
     return [f"the service's time is {times.local(known)} UTC, {how_far} this computer's clock: {why}"]
 
