@@ -132,30 +132,37 @@ class ShortSegments:
     def proposals(
         self, now: SegmentFit, added: tuple[str, ...], only: Sequence[str] = ()
     ) -> Iterator[Proposals[SegmentFit]]:
-        """Near the noise, the fits of the effects with significant scores.  Far from it, first the fits of the effects
-        with the largest scores; then those that observers propose, as the minima of the others may be far from the
-        values without them, even where these follow the shortest segments."""
-        task, pool, level = self.task, self.pool, now.short if now.is_far else now.level
-        may = others(now.model)
-        scores = score_test(level, may, task.substep_s, pool, np.random.default_rng(0))
-        few = scores.directions[: policy.FINISHED]
+        """Near the noise, the fits of the effects with significant scores.  Far from it, those of the effects with the
+        largest scores on the shortest segments.  Then those that observers propose, there and where a score is
+        significant and the error exceeds the floor, as the minimum with an effect may be far from the values without
+        it, even where these follow the shortest segments."""
+        task, pool, may = self.task, self.pool, others(now.model)
+        trials = list[Trial]()
         if now.is_far:
-            near = near_trials(level, few, task, pool, FEW_STEPS)
-            least = math.sqrt(1 - policy.LEAST_GAIN) * level.typical
+            scores = self._scores(now.short, may)
+            few = scores.directions[: policy.FINISHED]
+            near = near_trials(now.short, few, task, pool, FEW_STEPS)
+            least = math.sqrt(1 - policy.LEAST_GAIN) * now.short.typical
             trials = self._longer([one for one in full_trials(near, few, task, pool) if one.level.typical < least])
-        else:
-            trials = near_trials(level, [d for d in few if d.statistic > scores.limit], task, pool)
-        yield self._validated(self._with_range(trials, level, may), now, scores)
-        if now.is_far:
+        if not now.is_far or now.level.typical <= policy.UNLIKE_NOISE:
+            scores = self._scores(now.level, may)
+            trials += near_trials(now.level, scores.significant[: policy.FINISHED], task, pool)
+        yield self._validated(self._with_range(trials, now, may), now, scores)
+        if now.is_far or (scores.significant and now.rms > now.floor):
             yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
+
+    def _scores(self, level: Level, may: Sequence[str]) -> Scores:
+        """The score test of these effects on the segments of a fit."""
+        return score_test(level, may, self.task.substep_s, self.pool, np.random.default_rng(0))
 
     def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
         """The trials on segments of the length of the unseen ones, see ``halving``."""
         return halving(trials, self.task, self.unseen.horizon_s, self.pool)
 
-    def _with_range(self, trials: Sequence[Trial], level: Level, may: Sequence[str]) -> list[Trial]:
+    def _with_range(self, trials: Sequence[Trial], now: SegmentFit, may: Sequence[str]) -> list[Trial]:
         """The trials, and where readings saturate that with a limited range of the sensor (may: the candidates).  The
         score test does not see it, as segments with saturated readings are missed and left out."""
+        level = now.short if now.is_far else now.level
         railed = with_clipping(level.model, self.task.experiments) if RANGE in may else None
         return [*trials, repaired_trial(RANGE, railed, level, self.task)] if railed else list(trials)
 
@@ -193,7 +200,7 @@ class ShortSegments:
         new = [effect for effect in fit.model.effects if effect not in now.model.effects]
         if not swapped or not (now.is_far or any(get_effect(effect).delays_by for effect in new)):
             return fit
-        trials = self._longer(full_fits([("", fit.model), *swapped], self.task, self.pool))
+        trials = self._longer(full_fits([(fit.model.effects[-1], fit.model), *swapped], self.task, self.pool))
         found = [one for _, one in self._validated(trials, fit, Scores()).fits]
         best = min([fit, *found], key=lambda one: one.rms)
         alike = [one for one in [fit, *found] if not self.predictions(one, best).is_better(len(found))]

@@ -66,6 +66,11 @@ class Scores:
         return float(np.quantile(self.null, 1 - policy.FALSE_NAME))
 
     @property
+    def significant(self) -> tuple[Direction, ...]:
+        """The directions whose statistic exceeds the limit."""
+        return tuple(one for one in self.directions if one.statistic > self.limit)
+
+    @property
     def detectable(self) -> dict[str, tuple[str, float]]:
         """By effect, the name of its first amplitude and the value of it at which the statistic exceeds the limit with
         probability 1/2."""

@@ -8,7 +8,7 @@ functions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,13 +16,12 @@ from functools import partial
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.fitting.strategy import doubled, full_fit, refined, repaired_fit
+from lostmotion.lab.fitting.strategy import doubled, full_fit, repaired_fit
 from lostmotion.lab.gears.score_test import Direction
 from lostmotion.lab.gears.unseen import LONGER
-from lostmotion.lab.observer.global_search import search_effects
+from lostmotion.lab.observer.global_search import FARTHEST, search_effects
 from lostmotion.lab.selection.nesting import in_place, others
 from lostmotion.lab.shooting.continuation import Level, fitted
-from lostmotion.lab.shooting.initial_state import repaired
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
@@ -42,7 +41,7 @@ __all__ = [
 ]
 
 FEW_STEPS = 6
-"""Steps of fits that only compare effects, or numbers of teeth."""
+"""Steps of fits that only compare effects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +92,10 @@ def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) ->
 
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials after fits on longer and longer segments, up to ``horizon_s`` [s]; at each length those are left out
-    whose error is ``policy.BEHIND`` times that of the best (successive halving).  Best first."""
-    trials = _ordered(list({trial.effect: trial for trial in reversed(_ordered(full))}.values()))
-    trials[:1] = [_with_best_numbers(trial, task, pool) for trial in trials[:1]]
+    whose error is ``policy.BEHIND`` times that of the best (successive halving).  One for each effect, best first."""
+    trials = _best_of_each(full)
+    if trials:
+        trials = _ordered([*_begun_again(trials[0], task, pool), *trials[1:]])
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
         running = [trial for trial in trials if trial.level.typical < limit]
@@ -105,7 +105,7 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
         if not longer:
             break
         trials = _ordered(longer)
-    return trials
+    return _best_of_each(trials)
 
 
 def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
@@ -120,29 +120,38 @@ def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
                 yield new, in_place(model, old, new).replace({f"{new}.{get_effect(new).delays_by}": delay})
 
 
-def _with_best_numbers(trial: Trial, task: Task, pool: Executor) -> Trial:
-    """The trial with the best whole numbers (of teeth): numbers nearby are tried until none of them is better."""
-    whole = [f"{trial.effect}.{name}" for name, p in trial.level.model.own(trial.effect).items() if p.domain.is_whole]
-    best = trial.level
-    for name in whole:
-        known = {best.model.parameters[name].value}
-        while True:
-            p = best.model.parameters[name]
-            near = {p.value + step for step in (-3, -2, -1, 1, 2, 3) if p.low <= p.value + step <= p.high}
-            others = [replace(best, model=best.model.replace({name: count})) for count in sorted(near - known)]
-            level = min(pool.map(partial(_repaired, task=task), others), key=lambda level: level.typical, default=best)
-            if not level.typical < best.typical:
-                break
-            best, known = level, known | near
-    return Trial(trial.effect, best, best)
+def _begun_again(trial: Trial, task: Task, pool: Executor) -> list[Trial]:
+    """The trial, and fits of its effect that begin elsewhere, where the cost has many minima: at the neighbours of the
+    best whole number (of teeth), until all of them are fitted, and at the ``Effect.restarts``.
+
+    Each begins with initial states of its own: those of another number of teeth miss the impacts (33 led to 35 for the
+    39 of a case of seed 6300)."""
+    found, values = [trial], trial.level.model.own(trial.effect)
+    for name in (f"{trial.effect}.{own}" for own, p in values.items() if p.domain.is_whole):
+        tried = {trial.level.model.parameters[name].value}
+        while near := _neighbours(best := _ordered(found)[0].level.model, name) - tried:
+            tried |= near
+            found += full_fits([(trial.effect, best.replace({name: count})) for count in sorted(near)], task, pool)
+    best = _ordered(found)[0].level.model
+    every = {name.removeprefix(f"{trial.effect}."): p.value for name, p in best.parameters.items()}
+    again = [_within(best, trial.effect, one) for one in get_effect(trial.effect).restarts(every)]
+    return [*found, *full_fits([(trial.effect, model) for model in again], task, pool)]
 
 
-def _repaired(level: Level, task: Task) -> Level:
-    """The level after a few more steps, a new search for the initial states of missed segments, and a few steps
-    again."""
-    once = refined(level, task, FEW_STEPS)
-    starts = repaired(once.model, once.segments, task.substep_s, policy.LOST_SHARE)
-    return refined(replace(once, segments=starts), task, FEW_STEPS)
+def _within(model: Model, effect: str, values: Mapping[str, float]) -> Model:
+    """The model with these values of an effect, within their bounds."""
+    return model.replace({n: model.parameters[n].clipped(v) for own, v in values.items() if (n := f"{effect}.{own}")})
+
+
+def _neighbours(model: Model, name: str) -> set[float]:
+    """The whole numbers that differ by at most ``FARTHEST`` from that of a parameter, within its bounds."""
+    p = model.parameters[name]
+    return {p.clipped(p.value + step) for step in range(-FARTHEST, FARTHEST + 1)}
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    """The best trial of each effect, best first."""
+    return list({trial.effect: trial for trial in reversed(_ordered(trials))}.values())[::-1]
 
 
 def _ordered(trials: Sequence[Trial]) -> list[Trial]:

@@ -7,12 +7,12 @@ kernel for each signal it acts on (kernel.py), a row in the registry, a test.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from lostmotion.model.base import Operating, Term
-from lostmotion.model.effects.guesses import Guesses, no_guesses
+from lostmotion.model.effects.guesses import Guesses, Values, no_guesses
 from lostmotion.model.effects.words import Words
 from lostmotion.model.errors import ModelError
 from lostmotion.model.parameter import Parameter
@@ -94,13 +94,14 @@ class Effect(EffectInfo):
     defaults: other values of the parameters on one base.
     is_apt: whether values of its parameters, and of the base's, fit its name: a Stribeck friction is largest near rest.
 
-    For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a
-    motion of these scales; barely: values with which it hardly acts, one for each shape, where it has no amplitude;
-    simpler: the effect that is a part of it; likelier, odds: another effect of its kind, which so many times as many
-    machines have; speed_power: the power of the speed to which a damping is proportional; most_turns: a motion of
-    more turns cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come later by
-    T; rests_by: the parameter, of its own or of the base, by which the place where a torque pulls the joint to is
-    fitted. words: its description for a person.
+    For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
+    of these scales; restarts: from the values of a fit, its own and the base's, those from which a fit is begun again,
+    as it may have ended in another minimum; barely: values with which it hardly acts, one for each shape, where it has
+    no amplitude; simpler: the effect that is a part of it; likelier, odds: another effect of its kind, which so many
+    times as many machines have; speed_power: the power of the speed to which a damping is proportional; most_turns: a
+    motion of more turns cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come
+    later by T; rests_by: the parameter, of its own or of the base, by which the place where a torque pulls the joint to
+    is fitted. words: its description for a person.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -116,6 +117,7 @@ class Effect(EffectInfo):
     is_apt: Callable[[Mapping[str, float]], bool] = lambda values: True
     amplitudes: tuple[str, ...] = ()
     guesses: Guesses = no_guesses
+    restarts: Callable[[Mapping[str, float]], Sequence[Values]] = lambda values: ()
     barely: Guesses = no_guesses
     simpler: Simpler | None = None
     likelier: str = ""

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import NoiseModel
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.gears import likelihood, score_test
@@ -159,6 +160,13 @@ class Draw:
             for one in asked
         ]
 
+    def observed(self, base: Level, effects: Sequence[str], *rest: object) -> list[Trial]:
+        """Fits with those effects that leave the least, as a perfect search would find them."""
+        models = [MODEL.with_effect(effect) for effect in effects if effect in self.motion.effects]
+        fits = [replace(base, model=model, typical=float(np.std(self.solved(model)[0]))) for model in models]
+        best = sorted(fits, key=lambda fit: fit.typical)[: policy.FINISHED]
+        return [Trial(fit.model.effects[-1], fit) for fit in best]
+
 
 @dataclass(frozen=True, eq=False)
 class LinearUnseen(Unseen):
@@ -181,6 +189,10 @@ class Linear(ShortSegments):
         """Without any effect."""
         (judged,) = self.unseen.validate_each([MODEL])
         return SegmentFit(self.short, self.short, judged, 1.0)
+
+    def _longer(self, trials: Sequence[Trial]) -> list[Trial]:
+        """As they are."""
+        return list(trials)
 
     def accepted(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
         """As it is."""
@@ -215,6 +227,7 @@ def search(motion: Motion, seed: int, monkeypatch: pytest.MonkeyPatch) -> Select
     monkeypatch.setattr(Segment, "linearised", draw.linearised)
     monkeypatch.setattr(score_test, "_columns", draw.by_effect)
     monkeypatch.setattr(likelihood, "near_trials", draw.tried)
+    monkeypatch.setattr(likelihood, "observer_trials", draw.observed)
     unknowns = Unknowns.of(MODEL)
     level = Level(MODEL, unknowns, unknowns.z(MODEL), tuple(one.segment for one in motion.fitted), 1.0, 1.0)
     task = Task(MODEL, tuple(one.segment.experiment for one in motion.fitted), {"accel": 0.2}, SUBSTEP_S, 0)

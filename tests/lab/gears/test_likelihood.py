@@ -13,6 +13,7 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
+from lostmotion.lab.gears.score_test import Direction, Scores
 from lostmotion.lab.gears.unseen import Unseen
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
@@ -30,6 +31,48 @@ def test_a_segment_that_one_fit_cannot_simulate_does_not_choose(monkeypatch: pyt
     fits, asked = [fit(2.0, 2.0, np.inf), fit(1.0, 1.0, 1.0)], SimpleNamespace(task=SimpleNamespace(substep_s=1e-3))
     with np.errstate(all="raise"):
         assert ShortSegments._with_least_error(asked, fits) is fits[1]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("short", "longest", "unseen", "statistic", "asked"), [
+    (1.1, 1.1, 1.1, 5.0, ["longest"]),
+    (1.1, 1.5, 1.5, 5.0, ["longest"]),
+    (1.1, 1.0, 1.0, 50.0, ["longest"]),
+    (1.1, 1.5, 1.5, 50.0, ["longest", "observers"]),
+    (1.1, 1.9, 4.0, 5.0, ["short", "longest", "observers"]),
+    (1.1, 5.0, 4.0, 50.0, ["short", "observers"]),
+])  # fmt: skip
+def test_where_candidates_are_looked_for(
+    short: float, longest: float, unseen: float, statistic: float, asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The longest segments are asked as long as the model is near the noise there, whatever it leaves of unseen ones;
+    observers where it is not, and where a significant score leads to no effect and more is left than on the shortest
+    segments."""
+    met: list[str] = []
+    direction = Direction("viscous_friction", build_model("play"), statistic, 1.0)
+    found = "lostmotion.lab.gears.likelihood"
+
+    def score(level: Any, *rest: object) -> Scores:
+        met.append(level.name)
+        return Scores((direction,), np.full(10, 10.0))
+
+    def observed(*rest: object) -> list[Any]:
+        met.append("observers")
+        return []
+
+    for name in ("near_trials", "full_trials"):
+        monkeypatch.setattr(f"{found}.{name}", lambda *rest: [])
+    monkeypatch.setattr(f"{found}.score_test", score)
+    monkeypatch.setattr(f"{found}.observer_trials", observed)
+    monkeypatch.setattr(f"{found}.with_clipping", lambda *rest: None)
+    monkeypatch.setattr(ShortSegments, "_validated", lambda *rest: None)
+    levels: Any = [SimpleNamespace(name=name, typical=typical, model=build_model("play"))
+                   for name, typical in (("short", short), ("longest", longest))]  # fmt: skip
+    task: Any = SimpleNamespace(substep_s=1e-3, experiments=())
+    likelihood = ShortSegments(levels[0], Unseen(None, task, 0.5, None))  # type: ignore[arg-type]
+    seen: Any = SimpleNamespace(error=unseen)
+    for _ in likelihood.proposals(SegmentFit(levels[1], levels[0], seen, 1.1), ()):
+        pass
+    assert met == asked
 
 
 @pytest.mark.slow
