@@ -1,4 +1,4 @@
-"""The first values of a fit with one more effect: its amplitude and nuisance parameters, to first order.
+"""The first values of a fit with one more effect: its amplitude and all other parameters, to first order.
 
 A candidate explains as much of the present residual as its change by the effect, projected off the fitted parameters,
 explains linearly.  Nothing is fitted here, and nothing selected.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,29 +20,33 @@ from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.least_squares import projected_off
-from lostmotion.model import Model
+from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Guess", "guesses", "turns_of"]
+__all__ = ["Guess", "beside", "guesses", "turns_of"]
 
 ANGLES = 6
 """Zero angles of an encoder that are tried in a period of an effect: one of them is at most 30 degrees of phase off."""
 ROUNDING = 1e-6
 """An effect that changes the residual by less than this share of it acts on a sensor that was not recorded."""
+HALVINGS = 6
+"""Shares 1, 1/2, 1/4 … of the first-order step that are tried."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
     """First values of a fit with one more effect; nuisance: the initial nuisance parameters (E,).
 
-    gain: the decrease of the squared residual to first order.
+    gain: the decrease of the squared residual to first order; change: that of the residual by the effect with these
+    values (M,), the other parameters being those of the present fit.
     """
 
     gain: float
     model: Model
     nuisance: FloatArray
+    change: FloatArray
 
 
 def guesses(name: str, shapes: Sequence[Model], now: Regression, data: Problem) -> list[Guess]:
@@ -69,9 +74,37 @@ def _guess(name: str, shape: Model, nuisance: FloatArray, column: FloatArray, no
     names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
     signed = all(shape.parameters[full].low < 0 for full in names)
     if names and not (factor > 0 or signed):
-        return Guess(0.0, shape, nuisance)
+        return Guess(0.0, shape, nuisance, column)
     sizes = {full: p.clipped(factor * p.value) for full in names for p in (shape.parameters[full],)}
-    return Guess(factor**2 * power, shape.replace(sizes), nuisance)
+    return Guess(factor**2 * power, shape.replace(sizes), nuisance, column * (factor if names else 1.0))
+
+
+def beside(name: str, guess: Guess, now: Regression, data: OutputError) -> tuple[Model, FloatArray]:
+    """The model and the nuisance parameters (E,) from which the fit of a simulated motion with one more effect begins.
+
+    The amplitude of a guess is that to first order with all other parameters fitted again, so that they change as well:
+    by d = -(J'J)^-1 J' (r + c), J being the Jacobian of the present fit, r its residual and c the change by the effect.
+    Of the shares t = 1, 1/2, 1/4 … of this step that with the least error is taken.  As the present fit is t = 0, the
+    error decreases with a small share.  With the other parameters unchanged, 110 of 1743 fits of the search ended with
+    a larger error than without the effect, and some at a thousand times its square: drag takes the place of a viscous
+    friction only if that becomes smaller.
+    """
+    size = np.maximum(np.linalg.norm(now.jacobian, axis=0), 1e-300)
+    step = -np.linalg.lstsq(now.jacobian / size, now.residual + guess.change)[0] / size
+    states = step[now.count :].reshape(len(data.signals), -1)
+    states = np.pad(states, ((0, 0), (0, guess.nuisance.size // len(states) - states.shape[1]))).ravel()
+    names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
+    (low, high), points = now.unknowns.bounds, []
+    for share in 0.5 ** np.arange(HALVINGS):
+        sizes = {full: share * guess.model.parameters[full].value for full in names}
+        z = np.clip(now.z + share * step[: now.count], low, high)
+        with suppress(ModelError):
+            points.append((now.unknowns.put(guess.model.replace(sizes), z), guess.nuisance + share * states))
+    points.append((guess.model, guess.nuisance))
+    many = data.most_beside
+    parts = [data.residuals(points[at : at + many]) for at in range(0, len(points), many)]
+    errors = np.sum(np.concatenate(parts) ** 2, axis=1)
+    return points[int(np.argmin(np.where(np.isnan(errors), np.inf, errors)))]
 
 
 def _zeros(name: str, start: Model, now: Regression, data: Problem) -> FloatArray:
