@@ -228,7 +228,9 @@ class ShortSegments:
         level = short if is_behind else grown(short, self.task)
         return SegmentFit(level, short, self.unseen.validate(level.model, fit.unseen), fit.floor, fit.alike)
 
-    def predictions(self, one: SegmentFit, other: SegmentFit, *, of_all: bool = False) -> Predictions:
+    def predictions(
+        self, one: SegmentFit, other: SegmentFit, *, of_all: bool = False, is_last: bool = False
+    ) -> Predictions:
         """The squared errors of two fits on the unseen segments, each with the better of the initial states of both.
         If they differ by a limited range of the sensor, the recordings of the fit are predicted as well, as the limit
         is read off the readings and not fitted."""
@@ -251,7 +253,7 @@ class ShortSegments:
             return policy.FAR_GAIN
         return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, 0.0)
 
-    def is_sized(self, effect: str, fit: SegmentFit, *, is_last: bool = False) -> bool:
+    def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard
         deviations.  Otherwise only the initial values of its states explain something, as those of a second mode that
         is neither driven nor damped explain a hum."""

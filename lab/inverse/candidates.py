@@ -170,8 +170,8 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, steps = now.data.suited(begin), SHORT if isinstance(now.data, OutputError) else MOST_STEPS
     for guess in guesses(name, begin, now, data)[:STARTS]:
-        start = beside(name, guess, now, data) if isinstance(data, OutputError) else (guess.model, guess.nuisance)
-        fit = None if is_over() else tried(start[0], [data], start[1], steps)
+        start, nuisance = beside(name, guess, now, data)
+        fit = None if is_over() else tried(start, [data], nuisance, steps)
         if fit and are_consistent(fit.model, [name]):
             return fit
     return None

@@ -23,7 +23,7 @@ from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["amplitudes", "chance_of_zero", "is_sized", "shares", "uncertainty"]
+__all__ = ["amplitudes", "chance_of_zero", "exceeds_noise", "is_sized", "shares", "uncertainty"]
 
 
 def uncertainty(fit: Regression) -> float:
@@ -52,7 +52,7 @@ def chance_of_zero(fewer: Model, fit: Regression) -> float | None:
     return min(2 * max(chances), 1.0)
 
 
-def is_sized(effect: str, fit: Regression, *, is_last: bool = False) -> bool:
+def is_sized(effect: str, fit: Regression) -> bool:
     """Whether the confidence interval of an amplitude of the effect excludes zero, as a curve that is nearly a sum of
     others can overfit a motion and extrapolates badly.
 
@@ -64,9 +64,6 @@ def is_sized(effect: str, fit: Regression, *, is_last: bool = False) -> bool:
     A wave a sin(theta + phi) is zero where both a cos(phi) and a sin(phi) are.  Wald's statistic of the two is the
     square of a over its standard deviation for this phi, and is compared with 2 F(2, n): beside a constant torque a
     small swing identifies only one of the two components of a weight.
-
-    is_last: by the interval that is reported, with which disturbances of a motion may last.  In a search it would be
-    too wide: what the effects that are not yet found leave lasts, too.
     """
     names = amplitudes(effect, fit)
     if not names:
@@ -75,17 +72,13 @@ def is_sized(effect: str, fit: Regression, *, is_last: bool = False) -> bool:
     given = [item.name for item in fit.unknowns.items if item.logarithmic and "." not in item.name and is_torque]
     phases = [name for name in fit.unknowns.names if name in _phases(effect, fit.model) and name not in given]
     many = 1 + len(phases)
-    held = [*given, *phases]
-    deviation, freedom = fit.deviations_within_bounds(held), fit.freedom
-    if is_last:
-        deviation, freedom = fit.interval(_exceeds_noise(fit), held)
-    width = math.sqrt(many * float(fdtri(many, freedom, policy.CONFIDENCE)))
-    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * deviation
+    width = math.sqrt(many * float(fdtri(many, fit.freedom, policy.CONFIDENCE)))
+    limits = width * np.abs(fit.unknowns.slopes(fit.z)) * fit.deviations_within_bounds([*given, *phases])
     sizes = {name: abs(fit.model.parameters[name].value) for name in names}
     return any(sizes[name] > limit for name, limit in zip(fit.unknowns.names, limits, strict=True) if name in sizes)
 
 
-def _exceeds_noise(fit: Regression) -> bool:
+def exceeds_noise(fit: Regression) -> bool:
     """Whether a simulated motion leaves more than the noise of its sensor."""
     data = fit.data
     noise = max(data.accuracy, *(one.position_noise for one in data.signals)) if isinstance(data, OutputError) else 0.0

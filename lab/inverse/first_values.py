@@ -79,16 +79,20 @@ def _guess(name: str, shape: Model, nuisance: FloatArray, column: FloatArray, no
     return Guess(factor**2 * power, shape.replace(sizes), nuisance, column * (factor if names else 1.0))
 
 
-def beside(name: str, guess: Guess, now: Regression, data: OutputError) -> tuple[Model, FloatArray]:
-    """The model and the nuisance parameters (E,) from which the fit of a simulated motion with one more effect begins.
+def beside(name: str, guess: Guess, now: Regression, data: Problem) -> tuple[Model, FloatArray]:
+    """The model and the nuisance parameters (E,) from which the fit with one more effect begins: where nothing is
+    simulated those of the guess.
 
     The amplitude of a guess is that to first order with all other parameters fitted again, so that they change as well:
     by d = -(J'J)^-1 J' (r + c), J being the Jacobian of the present fit, r its residual and c the change by the effect.
     Of the shares t = 1, 1/2, 1/4 … of this step that with the least error is taken.  As the present fit is t = 0, the
     error decreases with a small share.  With the other parameters unchanged, 110 of 1743 fits of the search ended with
     a larger error than without the effect, and some at a thousand times its square: drag takes the place of a viscous
-    friction only if that becomes smaller.
+    friction only if that becomes smaller.  Servos, whose models are simulated one after the other, begin at the guess:
+    with this step the search of an STS3215 took over 84 s of processor time instead of 35.
     """
+    if not isinstance(data, OutputError) or data.most_beside == 1:
+        return guess.model, guess.nuisance
     size = np.maximum(np.linalg.norm(now.jacobian, axis=0), 1e-300)
     step = -np.linalg.lstsq(now.jacobian / size, now.residual + guess.change)[0] / size
     states = step[now.count :].reshape(len(data.signals), -1)

@@ -34,7 +34,7 @@ from lostmotion.lab.inverse.candidates import (
     starts,
     tried,
 )
-from lostmotion.lab.inverse.effect_sizes import chance_of_zero, is_sized, uncertainty
+from lostmotion.lab.inverse.effect_sizes import chance_of_zero, exceeds_noise, is_sized, uncertainty
 from lostmotion.lab.inverse.first_values import turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
@@ -235,15 +235,16 @@ class WholeMotion:
         """The model with its fit for predictions; inverse: the fit by which it was selected."""
         return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)
 
-    def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False) -> Predictions:
+    def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False, is_last: bool = False) -> Predictions:
         """The squared cross-validated errors of two fits in blocks of the residual of ``other``, and those on the
         unseen recording where it is a fold or with ``of_all``.
 
         The folds have the speeds and amplitudes of the fit, the unseen recording has others.  An effect with which its
-        motion cannot be simulated gains nothing.
+        motion cannot be simulated gains nothing.  is_last: in the blocks of ``Regression.interval``, as disturbances of
+        a motion may last.  In a search they would be too few: what the effects that are not yet found leave lasts, too.
         """
         white = other.judged.data.whitened
-        block = other.judged.block
+        block = other.judged.blocks(is_last and exceeds_noise(other.judged))
         folds = Predictions(
             _of_new(one.judged, block) * white(one.judged.predicted) ** 2,
             _of_new(other.judged, block) * white(other.judged.predicted) ** 2,
@@ -273,9 +274,9 @@ class WholeMotion:
             return 1.0 if now.rms < data.accuracy else policy.LEAST_GAIN
         return max(policy.LEAST_GAIN, policy.LEAST_SHARE * (self.first.rms / max(now.rms, 1e-300)) ** 2)
 
-    def is_sized(self, effect: str, fit: Fitted, *, is_last: bool = False) -> bool:
+    def is_sized(self, effect: str, fit: Fitted) -> bool:
         """Whether the size of an effect differs from zero; see ``effect_sizes.is_sized``."""
-        return is_sized(effect, fit.judged, is_last=is_last)
+        return is_sized(effect, fit.judged)
 
 
 def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:

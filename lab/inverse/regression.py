@@ -137,6 +137,12 @@ class Regression:
         length = policy.BLOCK_CORRELATIONS * max(correlation(part) for part in self.data.by_recording(self.residual))
         return numbered(counts, min(max(length, 1.0), sum(counts) / policy.LEAST_BLOCKS))
 
+    def blocks(self, is_lasting: bool) -> NDArray[np.intp]:
+        """The number of the block of each sample (M,), of which there are ``policy.LASTING_BLOCKS`` where the response
+        to a disturbance lasts."""
+        counts = self.data.counts
+        return numbered(counts, sum(counts) / policy.LASTING_BLOCKS) if is_lasting else self.block
+
     @property
     def freedom(self) -> int:
         """The degrees of freedom of a test: the number of blocks less one."""
@@ -164,8 +170,7 @@ class Regression:
         bound is given for all others, and what was estimated before the fit counts as fitted.  Errors: d_g is of
         first order.
         """
-        counts = self.data.counts
-        blocks = numbered(counts, sum(counts) / policy.LASTING_BLOCKS) if is_lasting else self.block
+        blocks = self.blocks(is_lasting)
         return self._within_bounds(partial(self._jackknifed, blocks), given), max(int(blocks.max()), 1)
 
     def _jackknifed(self, blocks: NDArray[np.intp], given: Sequence[str]) -> FloatArray:

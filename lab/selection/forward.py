@@ -81,14 +81,15 @@ class Likelihood(Protocol[F]):
     def without(self, effect: str, fit: F) -> F:
         """The fit without one of the effects."""
 
-    def predictions(self, one: F, other: F, *, of_all: bool = False) -> Predictions:
-        """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice."""
+    def predictions(self, one: F, other: F, *, of_all: bool = False, is_last: bool = False) -> Predictions:
+        """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice; is_last:
+        in the blocks of the reported interval, as in the last fits of the search."""
 
     def least_gain(self, fit: F, now: F) -> float:
         """The share of the squared error that an effect must take to be named."""
 
-    def is_sized(self, effect: str, fit: F, *, is_last: bool = False) -> bool:
-        """Whether the size of an effect differs from zero; is_last: in the last fit of the search."""
+    def is_sized(self, effect: str, fit: F) -> bool:
+        """Whether the size of an effect differs from zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,8 +287,9 @@ def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]
             [less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms
         )
         others = [name for name in labels if name != effect]
-        is_needed = likelihood.is_sized(effect, now, is_last=True) and (
-            less.rms > policy.BEHIND * now.rms or likelihood.predictions(less, now).p_value < policy.FALSE_NAME
+        is_needed = likelihood.is_sized(effect, now) and (
+            less.rms > policy.BEHIND * now.rms
+            or likelihood.predictions(less, now, is_last=True).p_value < policy.FALSE_NAME
         )
         if not is_needed and are_consistent(less.model, others):
             fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]

@@ -202,7 +202,7 @@ class Linear(ShortSegments):
         """The fit without the only effect."""
         return self.first
 
-    def is_sized(self, effect: str, fit: SegmentFit, *, is_last: bool = False) -> bool:
+    def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Always: none that the test allows is taken back."""
         return True
 

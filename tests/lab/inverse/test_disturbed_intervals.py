@@ -1,14 +1,14 @@
 """The intervals of simulated motions where a torque that no column shows disturbs them."""
 
 import numpy as np
-import pytest
 from bench.intervals import disturbance, fitted, moved
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.inverse.effect_sizes import is_sized
 from lostmotion.lab.inverse.explain import _estimates
+from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -42,12 +42,14 @@ def disturbed_swing(seed: int) -> Regression:
     return regressed(model, OutputError.of([Signals.of(one)], model))
 
 
-@pytest.mark.parametrize(("seed", "effect"), [(0, "viscous_friction"), (3, "spring_torque")])
-def test_an_effect_whose_reported_interval_contains_zero_is_not_sized(seed: int, effect: str) -> None:
-    """While what was named had intervals as if the residual were short, both counted as sized, and the intervals that
-    were reported contained zero."""
-    fit = disturbed_swing(seed)
-    (size,) = (one for one in _estimates(fit, 1e-4) if one.name in (f"{effect}.b_v", f"{effect}.k_s"))
+def test_a_friction_is_named_by_predictions_in_lasting_blocks() -> None:
+    """Of a pendulum without which blocks of the length of the reported interval are predicted worse.  The interval of
+    six blocks holds zero, as its width has five degrees of freedom and the leverage of the largest swings."""
+    fit = disturbed_swing(0)
+    (size,) = (one for one in _estimates(fit, 1e-4) if one.name == "viscous_friction.b_v")
     assert size.low < 0 < size.high
-    assert is_sized(effect, fit)
-    assert not is_sized(effect, fit, is_last=True)
+    likelihood = WholeMotion(Method.MOTION, fit.model, fit.data.signals)
+    now = Fitted(fit, fit)
+    less = likelihood.without("viscous_friction", now)
+    assert likelihood.predictions(less, now, is_last=True).block.max() + 1 == policy.LASTING_BLOCKS
+    assert likelihood.predictions(less, now, is_last=True).p_value < policy.FALSE_NAME

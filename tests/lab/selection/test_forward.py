@@ -86,7 +86,9 @@ class Columns:
         """Fitted again."""
         return self.fit([name for name in fit.model.effects if name != effect])
 
-    def predictions(self, one: Regressed, other: Regressed, *, of_all: bool = False) -> Predictions:
+    def predictions(
+        self, one: Regressed, other: Regressed, *, of_all: bool = False, is_last: bool = False
+    ) -> Predictions:
         """On the samples that are not fitted."""
         block = np.arange(SAMPLES // 2) // BLOCK
         return Predictions(one.left[1::2] ** 2, other.left[1::2] ** 2, block)
@@ -95,7 +97,7 @@ class Columns:
         """A twentieth."""
         return 0.05
 
-    def is_sized(self, effect: str, fit: Regressed, *, is_last: bool = False) -> bool:
+    def is_sized(self, effect: str, fit: Regressed) -> bool:
         """Always."""
         return True
 
@@ -276,16 +278,19 @@ def test_what_later_effects_make_superfluous_is_taken_out() -> None:
 
 
 class Stuck(Columns):
-    """A search that ends in a worse minimum where it begins without the second effect, whose last interval holds
-    zero."""
+    """A search that ends in a worse minimum where it begins without the second effect, which the last blocks do not
+    show."""
 
     def without(self, effect: str, fit: Regressed) -> Regressed:
         """In a worse minimum."""
         return replace(less := super().without(effect, fit), left=less.left + 9.0)
 
-    def is_sized(self, effect: str, fit: Regressed, *, is_last: bool = False) -> bool:
-        """By the last interval not."""
-        return not (is_last and effect == SECOND)
+    def predictions(
+        self, one: Regressed, other: Regressed, *, of_all: bool = False, is_last: bool = False
+    ) -> Predictions:
+        """In the last blocks nothing is better without the second effect in the other's place."""
+        less = other if is_last and one.left is not other.left and SECOND not in one.model.effects else one
+        return super().predictions(less, other)
 
 
 def test_an_effect_is_taken_out_for_the_best_fit_without_it() -> None:
