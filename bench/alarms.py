@@ -41,7 +41,8 @@ from lostmotion.daemon.sinks.emcy import EmcyNode
 from lostmotion.daemon.sinks.zenoh import ZenohSink
 from lostmotion.drivers.emulator import Emulator
 
-GOAL_ZENOH_S, GOAL_SLCAN_S = 0.270, 0.300
+GOAL_ZENOH_S, GOAL_SLCAN_S = 0.020, 0.050
+CYCLE_S = 0.005
 WINDOW_S = 0.25
 NODE = 0x21
 RESTLESS = "[detector]\nlevel = 200.0\n[alarm]\nwindows = 3\noff_delay_s = 0\ndeadband = 0\n"
@@ -85,7 +86,7 @@ def latencies(duration_s: float) -> tuple[list[float], list[float]]:
     endpoint, adapter, delays = f"tcp/127.0.0.1:{free_port()}", StampingAdapter(), list[float]()
     with tempfile.TemporaryDirectory() as name, Emulator(adapter) as emulator:
         tables = RESTLESS + ZENOH_TABLE.format(endpoint=endpoint) + CAN_TABLE.format(port=emulator.paths[0])
-        with running_service(Path(name), "csv:1000", tables) as service:
+        with running_service(Path(name), "csv:1000", tables, cycle_s=CYCLE_S) as service:
             assert service.stderr is not None
             threading.Thread(target=service.stderr.read, daemon=True).start()  # a full pipe would stop the service
             time.sleep(4.0)

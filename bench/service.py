@@ -26,6 +26,7 @@ from pathlib import Path
 
 from bench.process import cpu_seconds, memory_mb, run_command, waits, windows
 from bench.sinks import all_sinks
+from lostmotion.drivers.clock import CYCLE_S
 
 GOAL_CORE, GOAL_MB = 0.05, 75.0
 WARM_UP_S = 5.0
@@ -148,14 +149,14 @@ def running_emulators(accel: str, *options: str, servos: str = "ax12:1,2,3,4,5,6
 
 @contextmanager
 def running_service(
-    folder: Path, accel: str, alarm: str = "", servos: str = "dynamixel"
+    folder: Path, accel: str, alarm: str = "", servos: str = "dynamixel", cycle_s: float = CYCLE_S
 ) -> Iterator[subprocess.Popen[str]]:
     """The emulators and the service, each in a process of its own; both end with the block.  servos: their driver; with
     "tap" the servos have a master already."""
     with running_emulators(accel, *["--mastered"] * (servos == "tap")) as ports:
         path = folder / "bench.toml"
         text = configuration(folder, ports, accel).replace('driver = "dynamixel"', f'driver = "{servos}"')
-        path.write_text(text + alarm)
+        path.write_text(text.replace("[robot]", f"[robot]\ncycle_s = {cycle_s}") + alarm)
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
         with subprocess.Popen(run_command(path), stderr=subprocess.PIPE, text=True, env=environment) as process:
             try:

@@ -109,7 +109,7 @@ class Config:
     def make_clock(self) -> Clock:
         """The clock of the robot."""
         driver = next(iter(self.drivers.values()))
-        return driver.clock(self.robots[driver.name]) if driver.clock else SystemClock()
+        return driver.clock(self.robots[driver.name]) if driver.clock else SystemClock(self.robot.cycle_s)
 
     def make_bus(self, joints: Sequence[JointOptions], clock: Clock) -> ServoBus:
         """The bus of joints that share a port, not open.  Raises DriverError."""

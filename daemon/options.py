@@ -11,6 +11,7 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from lostmotion.detector.window import Statistic
+from lostmotion.drivers.clock import CYCLE_S
 
 __all__ = [
     "AlarmOptions",
@@ -29,9 +30,10 @@ Share = Annotated[float, Meta(gt=0, le=1)]
 
 
 class RobotTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """``[robot]``"""
+    """``[robot]``: its name, and how often its hardware is read and its windows are scored [s]."""
 
     name: str
+    cycle_s: Annotated[float, Meta(ge=0.005, le=1.0)] = CYCLE_S
 
 
 class StoreOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

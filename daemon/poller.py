@@ -231,17 +231,24 @@ class BusPoller(Poller):
 class AccelPoller(Poller):
     """Puts the samples of one accelerometer into its ring.
 
-    period: of its samples [s]; waits: its data can wait for room in the ring.
+    period: of its samples [s]; waits: its data can wait for room in the ring; cycle: in which it is read [s].
     """
 
     def __init__(
-        self, name: str, device: Accelerometer, stop: threading.Event, ring: Ring, period: float, waits: bool
+        self,
+        name: str,
+        device: Accelerometer,
+        stop: threading.Event,
+        ring: Ring,
+        period: float,
+        waits: bool,
+        cycle: float = CYCLE_S,
     ) -> None:
         super().__init__(name, (name,), device, stop)
         self._sensor = device
         self._ring = ring
         self._period = period
-        self._pause = CYCLE_S / math.ceil(CYCLE_S / (GATHER_SAMPLES * period))
+        self._pause = cycle / math.ceil(cycle / (GATHER_SAMPLES * period))
         self._wait = stop if waits else None
 
     def _read(self) -> None:

@@ -182,7 +182,7 @@ class Robot:
         for options in self.config.accelerometers:
             sensor = self.config.make_accelerometer(options, self.clock)
             ring, period = self.rings[options.name], 1 / options.rate_hz
-            yield AccelPoller(options.name, sensor, self.stop, ring, period, self.config.is_virtual)
+            yield AccelPoller(options.name, sensor, self.stop, ring, period, self.config.is_virtual, self.clock.cycle_s)
 
 
 def _record(capture: Capture, samples: list[ServoSample]) -> None:

@@ -44,7 +44,7 @@ log = logging.getLogger(__name__)
 
 AFTER_S = 0.01
 """the main thread wakes so long after each cycle has begun [s], when what came in until then has been read: the last
-answers of the servos, up to 8 ms on a busy computer, and the acceleration"""
+answers of the servos, up to 8 ms on a busy computer, and the acceleration; half of a cycle that is shorter"""
 SOON_S = 0.005
 """it wakes so often while an alarm is on its way to the disk, which is published when it is there [s]"""
 LOOK_S = 1.0
@@ -107,6 +107,7 @@ class Service:
     def startup(self) -> None:
         """Everything that has to be there before the first sample."""
         self._stamps = Stamps(self._robot.clock, self._store)
+        self._flush_at = 0.0  # rows are committed in cycles of CYCLE_S, however short those of the robot are
         self._begin()
         self._notifier.ready()
         log.info("started: %s, database %s", _monitored(self._config), self._config.database)
@@ -132,8 +133,9 @@ class Service:
         """For how long there is nothing to do [s], unless a virtual robot is read, or a device ends."""
         if self._store.is_settling:
             return SOON_S
-        now = time.monotonic() - AFTER_S
-        return next_cycle(now) - now
+        cycle = self._robot.clock.cycle_s
+        now = time.monotonic() - min(AFTER_S, cycle / 2)
+        return next_cycle(now, cycle) - now
 
     def shutdown(self) -> int:
         """Finishes what is open, in the order of the data's way; how many rows were lost."""
@@ -311,7 +313,9 @@ class Service:
             has_learnt = self._barrier.call(self._robot.pipeline.learn)
         if done or has_learnt:
             self._store.add(*self._learning.rows())
-        self._store.flush()
+        if (now := time.monotonic()) >= self._flush_at:
+            self._store.flush()
+            self._flush_at = next_cycle(now)
 
     def _publish(self, change: Change, again: bool = False) -> None:
         for sink in self._sinks:

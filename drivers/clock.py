@@ -16,8 +16,9 @@ from typing import Protocol
 __all__ = ["CYCLE_S", "Clock", "SystemClock", "VirtualClock", "is_synchronised", "next_cycle", "wall"]
 
 CYCLE_S = 0.2
-"""hardware is read, and its windows are scored, in cycles that begin at multiples of this robot time [s].  Each wake-up
-of a thread costs as much as a score; docs/reliability.md has the measurement"""
+"""hardware is read, and its windows are scored, in cycles that begin at multiples of this robot time [s], if ``[robot]
+cycle_s`` does not say otherwise.  Each wake-up of a thread costs as much as a score; docs/reliability.md has the
+measurement"""
 
 TIMEX_BYTES = 1024
 """more than a struct timex has"""
@@ -45,7 +46,10 @@ def _libc() -> ctypes.CDLL:
 
 
 class Clock(Protocol):
-    """Robot time [s] and its place in UTC."""
+    """Robot time [s], the length of the cycles in which hardware is read [s], and the time's place in UTC."""
+
+    @property
+    def cycle_s(self) -> float: ...
 
     def now(self) -> float:
         """The current robot time [s]; never runs backwards."""
@@ -62,6 +66,9 @@ class SystemClock:
 
     now = staticmethod(time.monotonic)
 
+    def __init__(self, cycle_s: float = CYCLE_S) -> None:
+        self.cycle_s = cycle_s
+
     def utc(self, robot_time: float) -> datetime:
         return datetime.fromtimestamp(wall() - time.monotonic() + robot_time, UTC)
 
@@ -71,6 +78,8 @@ class VirtualClock:
 
     ``start`` is the UTC of robot time 0.
     """
+
+    cycle_s = CYCLE_S
 
     def __init__(self, start: datetime) -> None:
         self._start = start.astimezone(UTC)

@@ -133,7 +133,7 @@ class LineBus(ABC):
             time.sleep(LONGEST_WAIT_S)
             return ServoReading(silent=self._silent())
         replies: list[Reply] = []
-        end = next_cycle(turn)
+        end = next_cycle(turn, self._clock.cycle_s)
         while turn < end:
             time.sleep(max(0.0, turn - self._clock.now()))
             self._poll(replies, end)

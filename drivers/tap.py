@@ -83,7 +83,7 @@ class TapBus:
     def read(self) -> ServoReading:
         """The samples until the next cycle begins.  Raises PortError."""
         now = self._clock.now()
-        samples = self._listen(next_cycle(now) - now)
+        samples = self._listen(next_cycle(now, self._clock.cycle_s) - now)
         broken, self._broken = self._broken, self._damage()
         return ServoReading(tuple(samples), self._silent(), broken=self._broken - broken)
 

@@ -8,6 +8,7 @@ import pytest
 
 from lostmotion.daemon import config
 from lostmotion.daemon.config import ConfigError
+from lostmotion.drivers.clock import CYCLE_S
 
 GOOD = """
 [robot]
@@ -246,6 +247,7 @@ def test_lever_arms() -> None:
             "alarm.play_warning: found 0.002, expected at most 0.001, the value of play_error",
         ),
         ("[robot]", "[robot", "no valid TOML: "),
+        ("[robot]", "[robot]\ncycle_s = 1e-3", "robot.cycle_s: found 0.001; expected a number >= 0.005"),
         ("[detector]", "[detector]\ngentle = true", "detector.gentle: found true; expected a number"),
         ("[[accelerometer]]", "[accelerometer]", "accelerometer: found [accelerometer], expected [[accelerometer]]"),
         ('[robot]\nname = "arm1"', "", "[robot] is missing"),
@@ -280,6 +282,12 @@ def test_a_byte_order_mark_is_taken(tmp_path: Path) -> None:
     """A file that an editor on Windows began with a mark is read like any other."""
     (tmp_path / "bom.toml").write_text(GOOD, encoding="utf-8-sig")
     assert config.load(tmp_path / "bom.toml").robot.name == "arm1"
+
+
+def test_the_robots_cycle_is_that_of_its_clock() -> None:
+    """All that reads hardware asks the clock for it."""
+    assert config.loads(GOOD, "x").make_clock().cycle_s == CYCLE_S
+    assert config.loads(GOOD.replace("[robot]", "[robot]\ncycle_s = 0.02"), "x").make_clock().cycle_s == 0.02
 
 
 def test_can_and_a_norm_band_beyond_nyquist() -> None:

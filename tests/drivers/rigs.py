@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lostmotion.drivers.base import AccelBlock, Accelerometer, OscillatorOptions, ServoBus, ServoReading, ServoSample
-from lostmotion.drivers.clock import SystemClock
+from lostmotion.drivers.clock import CYCLE_S, SystemClock
 from lostmotion.drivers.codec import feetech
 from lostmotion.drivers.emulator import FeetechLine, Motion, ServoLine, VirtualServo
 from lostmotion.drivers.emulator.motion import PERIOD_S
@@ -35,7 +35,11 @@ def servo_line(model: str, ids: Sequence[int]) -> ServoLine:
 
 
 def servo_bus(
-    port: str, ids: Sequence[int], models: Sequence[str] | str = "AX-12A", poll_hz: float = 100.0
+    port: str,
+    ids: Sequence[int],
+    models: Sequence[str] | str = "AX-12A",
+    poll_hz: float = 100.0,
+    cycle_s: float = CYCLE_S,
 ) -> ServoBus:
     """The driver of servos on a port, Feetech's or Dynamixel's by their model; their joints are called by their ids."""
     names = [models] * len(ids) if isinstance(models, str) else models
@@ -46,7 +50,7 @@ def servo_bus(
         for id, model in zip(ids, names, strict=True)
     ]
     assert driver.servo is not None
-    return driver.servo(joints, driver.robot_options(), SystemClock())
+    return driver.servo(joints, driver.robot_options(), SystemClock(cycle_s))
 
 
 def accelerometer(name: str, port: str, rate_hz: float, **options: Any) -> Accelerometer:

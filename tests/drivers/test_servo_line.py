@@ -35,16 +35,18 @@ def test_a_silent_servo_costs_the_others_little(model: str) -> None:
         bus.close()
 
 
+@pytest.mark.parametrize("cycle_s", [CYCLE_S, 0.02])
 @every_kind
-def test_a_reading_ends_with_its_cycle(model: str) -> None:
-    """All polls of one cycle, which begins at a multiple of 0.2 s for every device, come together, and are counted."""
+def test_a_reading_ends_with_its_cycle(model: str, cycle_s: float) -> None:
+    """All polls of one cycle, which begins at a multiple of its length for every device, come together, and are
+    counted."""
     with Emulator(servo_line(model, [1, 2])) as emulator:
-        bus = servo_bus(emulator.paths[0], [1, 2], model)
+        bus = servo_bus(emulator.paths[0], [1, 2], model, cycle_s=cycle_s)
         bus.open()
         found = readings(bus, some(80, "1", "2"))[1:]
         bus.close()
     begins = [reading.samples[0].time for reading in found if reading.samples]
-    assert all(one // CYCLE_S < other // CYCLE_S for one, other in pairwise(begins))
+    assert all(one // cycle_s < other // cycle_s for one, other in pairwise(begins))
     polled = sum(len(reading.samples) + reading.lost for reading in found[:-1])
     assert polled == pytest.approx(2 * 100 * (begins[-1] - begins[0]), abs=12)
 
