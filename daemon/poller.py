@@ -250,11 +250,14 @@ class AccelPoller(Poller):
         self._period = period
         self._pause = cycle / math.ceil(cycle / (GATHER_SAMPLES * period))
         self._wait = stop if waits else None
+        self._is_behind = False
 
     def _read(self) -> None:
-        if self._wait is None:
+        if self._wait is None and not self._is_behind:
             self._gather()
         block = self._sensor.read()
+        # A driver may hand on one message at a time: those that wait are read at once.
+        self._is_behind = bool(len(block.time)) and float(block.time[-1]) < time.monotonic() - self._pause
         status = self.status
         status.lost += block.lost
         status.late += block.late
