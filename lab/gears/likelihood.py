@@ -35,7 +35,7 @@ from lostmotion.lab.gears.trials import (
 from lostmotion.lab.gears.unseen import Unseen, Validation, compared
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
-from lostmotion.lab.selection.nesting import others, without
+from lostmotion.lab.selection.nesting import in_place, others, without
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.segment import residuals
 from lostmotion.lab.shooting.task import Task
@@ -223,7 +223,16 @@ class ShortSegments:
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
         """The fit of the model without one of its effects, from the initial states of the fit with it.  It is grown to
         longer segments only where its error is less than ``policy.BEHIND`` times that with the effect."""
-        short = repaired_trial("", without(fit.model, effect), fit.level, self.task).level
+        return self._refitted(without(fit.model, effect), fit)
+
+    def simplified(self, effect: str, fit: SegmentFit) -> SegmentFit | None:
+        """The same with the simpler law that is a part of an effect in its place; None where there is none."""
+        part = get_effect(effect).simpler
+        return self._refitted(in_place(fit.model, effect, part.effect), fit) if part else None
+
+    def _refitted(self, model: Model, fit: SegmentFit) -> SegmentFit:
+        """The fit of a model with less than another one, from its initial states."""
+        short = repaired_trial("", model, fit.level, self.task).level
         is_behind = short.typical > policy.BEHIND * max(fit.level.typical, 1.0)
         level = short if is_behind else grown(short, self.task)
         return SegmentFit(level, short, self.unseen.validate(level.model, fit.unseen), fit.floor, fit.alike)

@@ -231,6 +231,9 @@ class WholeMotion:
         less = regressed(model, data, nuisance, SHORT)
         return self._fitted(less if less.rms > policy.BEHIND * fit.rms else refined(less))
 
+    def simplified(self, effect: str, fit: Fitted) -> None:
+        """None: the simpler of two nested laws is a candidate first."""
+
     def _fitted(self, inverse: Regression) -> Fitted:
         """The model with its fit for predictions; inverse: the fit by which it was selected."""
         return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)

@@ -81,6 +81,10 @@ class Likelihood(Protocol[F]):
     def without(self, effect: str, fit: F) -> F:
         """The fit without one of the effects."""
 
+    def simplified(self, effect: str, fit: F) -> F | None:
+        """The fit with the law in the place of an effect that is a part of it; None where there is none, or where the
+        simpler one is a candidate first."""
+
     def predictions(self, one: F, other: F, *, of_all: bool = False, is_last: bool = False) -> Predictions:
         """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice; is_last:
         in the blocks of the reported interval, as in the last fits of the search."""
@@ -272,8 +276,8 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
 
 def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]) -> Selection[F]:
     """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, or whose
-    size is no longer identified, as long as the estimates of the others agree with their definitions.  One without
-    which the fit falls far behind is needed; its predictions, which take time, are not computed.
+    size is no longer identified, as long as the estimates of the others agree with their definitions.  A law gives way
+    to its simpler part where that predicts as well.
 
     own: fits of this search.  Of one with the same effects and the fit that begins without the effect the better one
     counts, as the latter may end in another minimum.
@@ -287,11 +291,19 @@ def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]
             [less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms
         )
         others = [name for name in labels if name != effect]
-        is_needed = likelihood.is_sized(effect, now) and (
-            less.rms > policy.BEHIND * now.rms
-            or likelihood.predictions(less, now, is_last=True).p_value < policy.FALSE_NAME
-        )
+        is_needed = likelihood.is_sized(effect, now) and _is_worse(less, now, likelihood)
         if not is_needed and are_consistent(less.model, others):
             fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]
             fits[-1], labels = less, others
+        elif (part := likelihood.simplified(effect, now)) and not _is_worse(part, now, likelihood):
+            fits[-1] = part
+            labels = _relabelled(labels, fits[0].model.effects, part.model.effects)
     return replace(found, fits=tuple(fits), labels=tuple(labels))
+
+
+def _is_worse(less: F, now: F, likelihood: Likelihood[F]) -> bool:
+    """Whether a fit with less predicts significantly worse.  Where it falls far behind, its predictions, which take
+    time, are not computed."""
+    if less.rms > policy.BEHIND * now.rms:
+        return True
+    return likelihood.predictions(less, now, is_last=True).p_value < policy.FALSE_NAME

@@ -15,6 +15,7 @@ from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.score_test import Direction, Scores
 from lostmotion.lab.gears.unseen import Unseen
+from lostmotion.lab.selection.forward import Selection, _eliminated
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.simulated_gears import GEARS, gears
@@ -98,6 +99,31 @@ def test_which_one_it_is(hidden: str, met: str, time_s: float, seed: int, length
     assert found.model.effects == (hidden,)
     assert found.model.parameters[f"{hidden}.T"].value == pytest.approx(time_s, rel=0.03 if hidden != met else 0.1)
     assert ((hidden, "actuator_lag") in found.alike) == (time_s < 1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("named", "hidden"), [
+    ("coulomb_friction", {"coulomb_friction.tau_c": 5e-5}),
+    ("stribeck_friction", {"stribeck_friction.tau_c": 3e-5, "stribeck_friction.tau_s": 1e-4,
+                           "stribeck_friction.omega_s": 0.3}),
+])  # fmt: skip
+def test_of_two_nested_laws_the_one_that_is_needed_is_named(named: str, hidden: dict[str, float]) -> None:
+    """A search may meet Stribeck friction first, where another effect is still missing.  In the end it gives way to
+    Coulomb friction if that predicts as well, and stays where it is there."""
+    model = build_model("play", values=GEARS)
+    *train, last = held = experiments(model, [gears(seed, 1.3, **hidden) for seed in (71, 72, 73)])
+    task = Task.of(model, train, noise_of(held))
+    begin = {"stribeck_friction.tau_c": 5e-5, "stribeck_friction.tau_s": 7e-5, **hidden}
+    wide = model.with_effect("stribeck_friction")
+    wide = wide.replace({name: value for name, value in begin.items() if name in wide.parameters})
+    with ThreadPoolExecutor(2) as pool:
+        likelihood = ShortSegments(full_fit(model, task), unseen := Unseen(last, task, 0.5, pool))
+        level = full_fit(wide, task)
+        now = SegmentFit(level, level, unseen.validate(level.model), 1.0)
+        found = _eliminated(Selection((likelihood.first, now), ("stribeck_friction",), ()), likelihood, ())
+    assert found.added == (named,)
+    assert found.fits[-1].model.effects == (named,)
+    assert found.fits[-1].rms == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.slow

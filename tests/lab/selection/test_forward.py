@@ -82,6 +82,9 @@ class Columns:
         """As it is."""
         return fit
 
+    def simplified(self, effect: str, fit: Regressed) -> None:
+        """No law of these is a part of another one."""
+
     def without(self, effect: str, fit: Regressed) -> Regressed:
         """Fitted again."""
         return self.fit([name for name in fit.model.effects if name != effect])
