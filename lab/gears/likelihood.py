@@ -138,14 +138,15 @@ class ShortSegments:
         it, even where these follow the shortest segments."""
         task, pool, may = self.task, self.pool, others(now.model)
         trials = list[Trial]()
+        scores = self._scores(now.short if now.is_far else now.level, may)
         if now.is_far:
-            scores = self._scores(now.short, may)
             few = scores.directions[: policy.FINISHED]
             near = near_trials(now.short, few, task, pool, FEW_STEPS)
             least = math.sqrt(1 - policy.LEAST_GAIN) * now.short.typical
             trials = self._longer([one for one in full_trials(near, few, task, pool) if one.level.typical < least])
         if not now.is_far or now.level.typical <= policy.UNLIKE_NOISE:
-            scores = self._scores(now.level, may)
+            if now.is_far and now.level is not now.short:
+                scores = self._scores(now.level, may)
             trials += near_trials(now.level, scores.significant[: policy.FINISHED], task, pool)
         yield self._validated(self._with_range(trials, now, may), now, scores)
         if now.is_far or (scores.significant and now.rms > now.floor):

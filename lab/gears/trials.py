@@ -8,7 +8,7 @@ functions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,6 +22,7 @@ from lostmotion.lab.gears.unseen import LONGER
 from lostmotion.lab.observer.global_search import FARTHEST, search_effects
 from lostmotion.lab.selection.nesting import in_place, others
 from lostmotion.lab.shooting.continuation import Level, fitted
+from lostmotion.lab.shooting.initial_guess import restarts
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
@@ -95,7 +96,7 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
     whose error is ``policy.BEHIND`` times that of the best (successive halving).  One for each effect, best first."""
     trials = _best_of_each(full)
     if trials:
-        trials = _ordered([*_begun_again(trials[0], task, pool), *trials[1:]])
+        trials = _ordered([*_restarted(trials[0], task, pool), *trials[1:]])
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
         running = [trial for trial in trials if trial.level.typical < limit]
@@ -120,7 +121,7 @@ def with_other_delays(model: Model, task: Task) -> Iterator[tuple[str, Model]]:
                 yield new, in_place(model, old, new).replace({f"{new}.{get_effect(new).delays_by}": delay})
 
 
-def _begun_again(trial: Trial, task: Task, pool: Executor) -> list[Trial]:
+def _restarted(trial: Trial, task: Task, pool: Executor) -> list[Trial]:
     """The trial, and fits of its effect that begin elsewhere, where the cost has many minima: at the neighbours of the
     best whole number (of teeth), until all of them are fitted, and at the ``Effect.restarts``.
 
@@ -133,14 +134,8 @@ def _begun_again(trial: Trial, task: Task, pool: Executor) -> list[Trial]:
             tried |= near
             found += full_fits([(trial.effect, best.replace({name: count})) for count in sorted(near)], task, pool)
     best = _ordered(found)[0].level.model
-    every = {name.removeprefix(f"{trial.effect}."): p.value for name, p in best.parameters.items()}
-    again = [_within(best, trial.effect, one) for one in get_effect(trial.effect).restarts(every)]
-    return [*found, *full_fits([(trial.effect, model) for model in again], task, pool)]
-
-
-def _within(model: Model, effect: str, values: Mapping[str, float]) -> Model:
-    """The model with these values of an effect, within their bounds."""
-    return model.replace({n: model.parameters[n].clipped(v) for own, v in values.items() if (n := f"{effect}.{own}")})
+    again = [(trial.effect, best.replace(values)) for values in restarts(best, trial.effect)]
+    return [*found, *full_fits(again, task, pool)]
 
 
 def _neighbours(model: Model, name: str) -> set[float]:
@@ -151,7 +146,10 @@ def _neighbours(model: Model, name: str) -> set[float]:
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
     """The best trial of each effect, best first."""
-    return list({trial.effect: trial for trial in reversed(_ordered(trials))}.values())[::-1]
+    found = dict[str, Trial]()
+    for trial in _ordered(trials):
+        found.setdefault(trial.effect, trial)
+    return list(found.values())
 
 
 def _ordered(trials: Sequence[Trial]) -> list[Trial]:

@@ -35,7 +35,7 @@ from lostmotion.model.effects.guesses import MotionScales
 from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Optimum", "search_effects", "search_parameters"]
+__all__ = ["FARTHEST", "Optimum", "search_effects", "search_parameters"]
 
 E = TypeVar("E", "_Population", "Optimum")
 

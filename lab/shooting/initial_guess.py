@@ -19,7 +19,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.guesses import MotionScales, Values
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["faint", "initial_guesses", "natural_frequency", "scales_of"]
+__all__ = ["faint", "initial_guesses", "natural_frequency", "restarts", "scales_of"]
 
 FAINT = 0.01
 """Share of the guessed amplitude at which an effect counts as negligible."""
@@ -75,8 +75,14 @@ def initial_guesses(model: Model, effect: str, size: MotionScales) -> list[Value
     times of these, and with the opposite sign.  Guesses that the bounds make equal are given once.
     """
     found = get_effect(effect).guesses(size) or _around_defaults(model.own(effect))
-    named = ({_full(effect, name, model): value for name, value in each.items()} for each in found)
-    return list({tuple(values.items()): values for values in (_within(model, each) for each in named)}.values())
+    return list({tuple(values.items()): values for values in _named(found, effect, model)}.values())
+
+
+def restarts(model: Model, effect: str) -> list[Values]:
+    """Values of an effect of a fitted model, by the full names of the parameters, from which a fit is begun again; see
+    ``Effect.restarts``."""
+    values = {name.removeprefix(f"{effect}."): p.value for name, p in model.parameters.items()}
+    return _named(get_effect(effect).restarts(values), effect, model)
 
 
 def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
@@ -96,6 +102,11 @@ def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
         shape = {name: value for name, value in values.items() if name.startswith(effect) and name not in amplitudes}
         shapes.setdefault(tuple(sorted(shape.items())), {n: v for n, v in values.items() if n.startswith(effect)})
     return [own.replace({**v, **{name: FAINT * v[name] for name in amplitudes}}) for v in shapes.values()]
+
+
+def _named(found: Sequence[Values], effect: str, model: Model) -> list[Values]:
+    """Values by the full names of the parameters, within the bounds."""
+    return [_within(model, {_full(effect, name, model): value for name, value in each.items()}) for each in found]
 
 
 def _full(effect: str, name: str, model: Model) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +15,16 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.score_test import score_test
-from lostmotion.lab.gears.trials import FEW_STEPS, full_fits, full_trials, halving, near_trials, with_other_delays
+from lostmotion.lab.gears.trials import (
+    FEW_STEPS,
+    Trial,
+    _best_of_each,
+    full_fits,
+    full_trials,
+    halving,
+    near_trials,
+    with_other_delays,
+)
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
@@ -57,6 +69,13 @@ def test_a_fit_begins_again_where_it_may_have_another_minimum(
         (trial,) = halving(full_fits([(effect, off)], task, pool), task, 0.5, pool)
     for name in begun:
         assert trial.level.model.parameters[name].value == pytest.approx(truth[name], rel=0.05)
+
+
+def test_of_several_fits_of_an_effect_the_best_one_leads() -> None:
+    """Two fits of one effect, the worse one behind that of another effect."""
+    fits = [("a", 3.0), ("b", 2.0), ("a", 1.0), ("c", math.inf)]
+    trials: Any = [Trial(effect, SimpleNamespace(typical=typical)) for effect, typical in fits]  # type: ignore[arg-type]
+    assert [(one.effect, one.level.typical) for one in _best_of_each(trials)] == [("a", 1.0), ("b", 2.0)]
 
 
 def test_a_delay_of_zero_is_exchanged_for_none() -> None:
