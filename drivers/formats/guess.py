@@ -82,7 +82,7 @@ def guessed(
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
-    more, told = _by_others(series, choice, joint, chosen, (moving or {}).get("speed", ""))
+    more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen |= more
     notes += told
     if not chosen and len(rest := _unnamed(series, clock)) == 1:
@@ -97,7 +97,7 @@ def guessed(
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
 
 
-def _by_others(
+def _inferred(
     series: Sequence[Series], choice: Choice, joint: str, chosen: Mapping[str, Chosen], gyroscope: str
 ) -> tuple[dict[str, Chosen], list[str]]:
     """The motion, by the name of its goal or by its speed, and what drives it, where no names say them; and what a

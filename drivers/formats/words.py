@@ -205,7 +205,7 @@ def is_time(name: str) -> bool:
 def ends_in_time(name: str) -> bool:
     """Whether the last word of a name says a time, as of ``loop_time`` and ``pi_time``, whatever its others say."""
     words = [word for word in _words(BRACKETED.sub("", RUN.sub("", name))) if word not in UNITS]
-    return words[-1:] == ["time"] or words[-1:] == ["timestamp"]
+    return words[-1:] in (["time"], ["timestamp"])
 
 
 def time_rank(name: str) -> int:
