@@ -16,7 +16,7 @@ from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import held, with_free_states
-from lostmotion.lab.inverse.first_values import beside, guesses, turns_of
+from lostmotion.lab.inverse.first_values import guesses, initial_point, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
 from lostmotion.lab.inverse.regression import MOST_STEPS, Regression, can_run, regressed
@@ -170,7 +170,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data, steps = now.data.suited(begin), SHORT if isinstance(now.data, OutputError) else MOST_STEPS
     for guess in guesses(name, begin, now, data)[:STARTS]:
-        start, nuisance = beside(name, guess, now, data)
+        start, nuisance = initial_point(name, guess, now, data)
         fit = None if is_over() else tried(start, [data], nuisance, steps)
         if fit and are_consistent(fit.model, [name]):
             return fit
