@@ -33,7 +33,8 @@ __all__ = ["Reader", "Store", "open_readonly"]
 log = logging.getLogger(__name__)
 
 FLUSH_S = 0.5
-"""rows are written so often [s], unless ``flush`` is called; a transition of an alarm does not wait"""
+"""rows are written so often [s] where nobody calls ``flush``, and old ones made fewer; the service calls it in each of
+its cycles, so that this decides nothing there.  A transition of an alarm does not wait"""
 RETRY_S = 1.0
 """pause after the disk refused [s]"""
 BATCH = 5000

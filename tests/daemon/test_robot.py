@@ -133,6 +133,19 @@ def test_acceleration_is_read_in_cycles(rate_hz: float, most: int) -> None:
     assert np.median(late) < 0.01
 
 
+def test_messages_that_wait_are_read_at_once() -> None:
+    """Of a driver that hands on one of 100 messages a second each time, none falls behind."""
+    ring, stop, begin = Ring(20_000, Waker()), threading.Event(), time.monotonic()
+    poller = AccelPoller("tip", Messages(1000.0, begin), stop, ring, 1e-3, waits=False)
+    thread = threading.Thread(target=poller.run)
+    thread.start()
+    wait_until(lambda: ring.newest > begin + 1.0)
+    late = time.monotonic() - ring.newest
+    stop.set()
+    thread.join()
+    assert late < 2 * CYCLE_S
+
+
 class Sensor:
     """Notes when it is read [s]."""
 
@@ -153,6 +166,20 @@ class Sensor:
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+class Messages(Sensor):
+    """Has a message of ten samples at a time, and waits where the next one is not complete."""
+
+    def __init__(self, rate_hz: float, begin: float) -> None:
+        super().__init__(rate_hz)
+        self.next = begin
+
+    def read(self) -> AccelBlock:
+        stamps = self.next + np.arange(10) / self.rate_hz
+        self.next = float(stamps[-1]) + 1 / self.rate_hz
+        time.sleep(max(0.0, self.next - time.monotonic()))
+        return AccelBlock(stamps, np.zeros(10))
 
 
 def test_a_virtual_robot_does_not_run_ahead(tmp_path: Path) -> None:
