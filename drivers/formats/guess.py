@@ -14,6 +14,7 @@ from lostmotion.drivers.formats.words import (
     column_of,
     is_angle,
     is_commanded,
+    is_estimated,
     is_input,
     is_reached,
     is_time,
@@ -139,8 +140,13 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> 
     if all(is_time(one.name) or one.name == clock for one in series):
         return "it holds times only; join it with the file of the motion: MOTION+FILE"
     if rows := moving.get("rows"):
-        address = shlex.quote(f"FILE#rate-hz={rows},position={shown(moving['perhaps'])}")
-        return f"{moving['why']}, if there are {rows} rows a second: {address}, and a torque as torque=SERIES"
+        address = f"FILE#rate-hz={rows},position={shown(moving['perhaps'])}"
+        others = [one.name for one in series if one.name not in (moving["perhaps"], moving["rate"])]
+        if len(others) == 1:
+            drives = f"{shlex.quote(f'{address},torque={shown(others[0])}')}, if {shown(others[0])} is the torque"
+        else:
+            drives = f"{shlex.quote(address)}, and a torque as torque=SERIES"
+        return f"{moving['why']}, if there are {rows} rows a second: {drives}"
     if why := moving.get("why"):
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
@@ -311,7 +317,8 @@ def _of_joint(found: Sequence[Series], column: str, joint: str) -> list[Series]:
     ``Force (N)`` the second; then what is called an angle; a sensor's too, where none has the joint's name."""
     own = [one for one in found if joint_of(one.name) == joint]
     own.sort(key=lambda one: (not _has_unit(one, column), column == "position" and not is_angle(one.name)))
-    plain = [one for one in own if one.name == column] or sorted(own, key=lambda one: is_commanded(one.name))
+    plain = [one for one in own if one.name == column]
+    plain = plain or sorted(own, key=lambda one: (is_commanded(one.name), is_estimated(one.name)))
     return plain or ([] if column in OF_JOINTS and joint and any(joint_of(one.name) for one in found) else list(found))
 
 

@@ -10,8 +10,8 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
-    "is_gyroscope", "is_input", "is_reached", "is_run", "is_time", "joint_of", "speed_of", "time_rank", "unit_of",
-    "without_joint",
+    "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_time", "joint_of", "speed_of", "time_rank",
+    "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -49,10 +49,12 @@ INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
 """what drives a motor, in a unit of its own: a share of the voltage, most often"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
 """A part of a ROS message: what a controller puts out, and no angle of an output shaft."""
+ESTIMATED = {"est", "estimate", "estimated", "hat", "observer", "observed"}
+"""of an observer: worse than what was measured: ``theta_hat``"""
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
     "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z", "output", "input", "shaft", "est", "estimate", "estimated", "meas",
+    "imu", "msg", "x", "y", "z", "output", "input", "shaft", "meas", *ESTIMATED,
 }  # fmt: skip
 TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
 """words of the time axis, those first that others come after"""
@@ -159,6 +161,11 @@ def is_angle(name: str) -> bool:
 def is_commanded(name: str) -> bool:
     """Whether a series is what was asked for, and not what was measured."""
     return bool(set(_words(name)) & COMMAND)
+
+
+def is_estimated(name: str) -> bool:
+    """Whether a series is what an observer made of the measured ones."""
+    return bool({*_words(name)} & ESTIMATED)
 
 
 def is_reached(name: str, goal: str) -> bool:

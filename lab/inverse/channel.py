@@ -139,9 +139,9 @@ def _check_sign(signals: Sequence[Signals]) -> None:
 class _JointFit:
     """A least-squares fit of the usual joint.
 
-    inertia [kg m²]; lost: mean power of viscous and Coulomb friction [W]; deviation, lost_deviation: their standard
-    deviations, robust to correlation of the residual within blocks (cluster-robust: Liang and Zeger 1986); residual:
-    (M,) [N m]; rubs: whether friction has more of the torque than the inertia.
+    inertia [kg m²]; lost: mean power of viscous and Coulomb friction and of the constant [W]; deviation,
+    lost_deviation: their standard deviations, robust to correlation of the residual within blocks (cluster-robust:
+    Liang and Zeger 1986); residual: (M,) [N m]; rubs: whether friction has more of the torque than the inertia.
     """
 
     inertia: float
@@ -212,9 +212,10 @@ class _UsualJoint:
         found = self.inverse @ (self.regressors.T @ torque)
         residual = torque - self.regressors @ found
         scores = np.add.reduceat(self.regressors * residual[:, None], np.arange(BLOCKS) * torque.size // BLOCKS)
-        wanted = np.zeros((2, found.size))  # the inertia, and the power of viscous and Coulomb friction
+        losing = [1, 2, 5]  # friction, and the constant, of which a motion in one direction does not distinguish it
+        wanted = np.zeros((2, found.size))
         wanted[0, 0] = 1 / self.size[0]
-        wanted[1, 1:3] = self.regressors[:, 1:3].T @ self.regressors[:, 1] * self.size[1] / torque.size
+        wanted[1, losing] = self.regressors[:, losing].T @ self.regressors[:, 1] * self.size[1] / torque.size
         inertia, lost = (wanted @ found).tolist()
         rubs = bool(np.linalg.norm(self.regressors[:, 1:3] @ found[1:3]) > abs(found[0]))
         deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()

@@ -69,6 +69,11 @@ def test_positions_of_an_arm_without_names_are_told(tmp_path: Path) -> None:
     )
     found = read(path, "position=column1", "torque=column7", rate_hz=100).recording
     assert found.columns["position"] == pytest.approx(columns[0], abs=1e-5)
+    path.write_text(rows(columns[0], columns[3], columns[6], sign=","))
+    told = refused(path)
+    assert told.endswith(" 'FILE#rate-hz=100,position=column1,torque=column3', if column3 is the torque")
+    found = read(path, "position=column1", "torque=column3", rate_hz=100).recording
+    assert found.columns["torque"] == pytest.approx(columns[6], abs=1e-5)
     path.write_text(rows(T, *columns, sign=","))
     assert "assign one of them, as in --map position=column2, and what drives it" in refused(path)
 
