@@ -150,7 +150,8 @@ class ShortSegments:
             trials += near_trials(now.level, scores.significant[: policy.FINISHED], task, pool)
         yield self._validated(self._with_range(trials, now, may), now, scores)
         if now.is_far or (scores.significant and now.rms > now.floor):
-            yield self._validated(self._longer(observer_trials(now.short, may, task, pool)), now, scores)
+            for trials in observer_trials(now.short, may, task, pool):
+                yield self._validated(self._longer(trials), now, scores)
 
     def _scores(self, level: Level, may: Sequence[str]) -> Scores:
         """The score test of these effects on the segments of a fit."""

@@ -16,11 +16,12 @@ from functools import partial
 import numpy as np
 
 from lostmotion.lab import policy
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.strategy import doubled, full_fit, repaired_fit
 from lostmotion.lab.gears.score_test import Direction
 from lostmotion.lab.gears.unseen import LONGER
 from lostmotion.lab.observer.global_search import FARTHEST, search_effects
-from lostmotion.lab.selection.nesting import in_place, others
+from lostmotion.lab.selection.nesting import in_place, merged, others
 from lostmotion.lab.shooting.continuation import Level, fitted
 from lostmotion.lab.shooting.initial_guess import restarts
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -71,10 +72,15 @@ def full_trials(near: Sequence[Trial], directions: Sequence[Direction], task: Ta
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial.effect in asked], task, pool)
 
 
-def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> list[Trial]:
+def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> Iterator[list[Trial]]:
     """Fits on all of the shortest segments with those effects that have the least prediction errors of observers, best
-    first."""
-    return full_fits([(one.effect, one.model) for one in search_effects(base, effects, task, pool)], task, pool)
+    first, in two batches: with the better half of the effects, then with the others while there is time."""
+    found = search_effects(base, effects, task, pool)
+    names = list(dict.fromkeys(one.effect for one in found))
+    half = (len(names) + 1) // 2
+    for part in (names[:half], names[half:]):
+        if part and (part[0] == names[0] or not is_over()):
+            yield full_fits([(one.effect, merged(one.model)) for one in found if one.effect in part], task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:
@@ -166,7 +172,7 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
         faint = parameter.value
         wanted = faint * direction.amplitude
         values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
-    model = model.replace(values)
+    model = merged(model.replace(values))
     unknowns = Unknowns.of(model, task.rough)
     return fitted(model, unknowns, _segments(model, level), task.substep_s, iterations=iterations)
 

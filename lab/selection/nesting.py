@@ -9,7 +9,7 @@ from lostmotion.model import Model, build_model, catalogue
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Simpler
 
-__all__ = ["around", "contained", "in_place", "others", "wider", "with_effects", "without"]
+__all__ = ["around", "contained", "in_place", "merged", "others", "wider", "with_effects", "without"]
 
 
 def around(model: Model) -> tuple[str, ...]:
@@ -62,6 +62,15 @@ def without(model: Model, effect: str) -> Model:
             own = {full: left.parameters[full] for full in (f"{whole}.{one}" for one in grown)}
             left = left.replace({full: min(p.value + size, p.high) for full, p in own.items()})
     return left
+
+
+def merged(model: Model) -> Model:
+    """The model without effects that are a part of another one of its effects, which takes over their contribution:
+    the data do not distinguish both from one."""
+    for effect in model.effects:
+        if contained(model, effect):
+            model = without(model, effect)
+    return model
 
 
 def wider(model: Model, effect: str) -> tuple[str, Model] | None:

@@ -160,12 +160,13 @@ class Draw:
             for one in asked
         ]
 
-    def observed(self, base: Level, effects: Sequence[str], *rest: object) -> list[Trial]:
-        """Fits with those effects that leave the least, as a perfect search would find them."""
+    def observed(self, base: Level, effects: Sequence[str], *rest: object) -> list[list[Trial]]:
+        """Fits with those effects that leave the least, as a perfect search would find them, in two batches."""
         models = [MODEL.with_effect(effect) for effect in effects if effect in self.motion.effects]
         fits = [replace(base, model=model, typical=float(np.std(self.solved(model)[0]))) for model in models]
         best = sorted(fits, key=lambda fit: fit.typical)[: policy.FINISHED]
-        return [Trial(fit.model.effects[-1], fit) for fit in best]
+        trials, half = [Trial(fit.model.effects[-1], fit) for fit in best], (len(best) + 1) // 2
+        return [part for part in (trials[:half], trials[half:]) if part]
 
 
 @dataclass(frozen=True, eq=False)

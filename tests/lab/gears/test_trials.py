@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ import pytest
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.deadline import within
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.score_test import score_test
 from lostmotion.lab.gears.trials import (
@@ -23,8 +24,10 @@ from lostmotion.lab.gears.trials import (
     full_trials,
     halving,
     near_trials,
+    observer_trials,
     with_other_delays,
 )
+from lostmotion.lab.observer.global_search import Optimum
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
@@ -113,3 +116,20 @@ def test_observer_runs_are_asked_where_more_than_noise_is_left(
     else:
         assert trials[0].effect == hidden.split(".")[0]
         assert trials[0].level.typical < policy.FAR
+
+
+def test_what_observers_propose_is_fitted_in_two_batches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The better half first; a law that contains one of the model in the place of that."""
+    base = build_model("play", ["coulomb_friction"], GEARS)
+    names = ["stribeck_friction", "gear_eccentricity", "gear_eccentricity", "clock_skew", "command_delay"]
+    found = [Optimum(base.with_effect(name), 1.0 + at, name) for at, name in enumerate(names)]
+    fitted = list[list[tuple[str, Any]]]()
+    monkeypatch.setattr("lostmotion.lab.gears.trials.search_effects", lambda *rest: found)
+    monkeypatch.setattr("lostmotion.lab.gears.trials.full_fits", lambda begin, *rest: fitted.append(begin) or begin)
+    level, task, pool = cast(Any, None), cast(Any, None), cast(Any, None)
+    batches = observer_trials(level, names, task, pool)
+    assert [effect for effect, _ in cast(Any, next(batches))] == names[:3]
+    assert fitted[0][0][1].effects == ("stribeck_friction",)
+    assert [effect for effect, _ in cast(Any, next(batches))] == names[3:]
+    with within(0.0):
+        assert len(list(observer_trials(level, names, task, pool))) == 1

@@ -3,12 +3,15 @@ found."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.strategy import full_fit, with_bar_frequency
 from lostmotion.lab.observer.filter import STRONG, WEAK, Observer, can_follow, states_at
@@ -184,7 +187,7 @@ def test_the_hidden_effect_is_first_of_the_shortlist() -> None:
 
 @pytest.mark.slow
 def test_few_are_followed_to_the_end() -> None:
-    """Of ten effects three, the one that is there first."""
+    """Of ten effects five, the one that is there first."""
     task = Task.of(rough(8e-5), [recorded(11, length=1.0)[0]], {"accel": NOISE})
     base = full_fit(search_parameters(with_bar_frequency(task.rough, task.experiments), task), task)
     effects = ["bias_drift", "clock_skew", "second_mode", "sensor_saturation", "gravity_leakage", "sensor_lag",
@@ -194,4 +197,28 @@ def test_few_are_followed_to_the_end() -> None:
     with ThreadPoolExecutor(2) as pool:
         found = search_effects(base, effects, clipped, pool)
     assert found[0].effect == "sensor_saturation"
-    assert len({near.effect for near in found}) == 3
+    assert len({near.effect for near in found}) == policy.FINISHED
+
+
+@pytest.mark.parametrize("effect", ["clock_skew", "command_delay"])
+def test_a_population_keeps_a_fitted_shift_of_time(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All members have the fitted value of the model's delay or clock, so that they are computed side by side; that of
+    the effect that is looked for varies."""
+    (name,) = (n for n in rough(8e-5).with_effect(effect).parameters if n.startswith(f"{effect}."))
+    task = Task.of(rough(8e-5), [recorded(11, length=0.5)[0]], {"accel": NOISE})
+    met = list[float]()
+    costs = Follower.costs
+
+    def noted(self: Follower, models: Sequence[Model], *rest: Any) -> FloatArray:
+        met.extend(model.parameters[name].value for model in models)
+        return costs(self, models, *rest)
+
+    monkeypatch.setattr(Follower, "costs", noted)
+    base = full_fit(task.rough, task)
+    with ThreadPoolExecutor(1) as pool:
+        search_effects(base, [effect], task, pool)
+        assert len(set(met)) > 100
+        met.clear()
+        other = replace(base, model=base.model.with_effect(effect).replace({name: 1e-3}))
+        search_effects(other, ["viscous_friction"], task, pool)
+    assert set(met[: policy.FINISHED * LANES]) == {1e-3}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lostmotion.lab.selection.nesting import others, without
+from lostmotion.lab.selection.nesting import merged, others, without
 from lostmotion.model import build_model
 
 
@@ -19,3 +19,15 @@ def test_what_contains_another_goes_on_with_what_that_did() -> None:
     assert after == pytest.approx(before, rel=1e-6)
     assert "coulomb_friction" not in others(alone)
     assert "stribeck_friction" in others(build_model("joint", ["coulomb_friction"]))
+
+
+def test_a_general_law_takes_over_the_part_beside_it() -> None:
+    """Coulomb's friction beside Stribeck's is one of Stribeck with both contributions; other effects stay."""
+    both = build_model("play", ["coulomb_friction", "clock_skew", "stribeck_friction"]).replace(
+        {"coulomb_friction.tau_c": 2e-4, "stribeck_friction.tau_c": 1e-4, "stribeck_friction.tau_s": 3e-4}
+    )
+    one = merged(both)
+    assert one.effects == ("clock_skew", "stribeck_friction")
+    assert one.parameters["stribeck_friction.tau_c"].value == pytest.approx(3e-4)
+    assert one.parameters["stribeck_friction.tau_s"].value == pytest.approx(5e-4)
+    assert merged(one) is one
