@@ -10,7 +10,7 @@ import pytest
 
 from lostmotion.lab import policy
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.selection.forward import Proposals, Selection, selected
+from lostmotion.lab.selection.forward import Proposals, Selection, _eliminated, selected
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.selection.outcome import ranking
 from lostmotion.model import Model, build_model
@@ -18,6 +18,7 @@ from lostmotion.model.motion import FloatArray
 
 SAMPLES, BLOCK = 800, 8
 FIRST, SECOND, THIRD = "coulomb_friction", "viscous_friction", "gravity_torque"
+COULOMB, STRIBECK = "coulomb_friction", "stribeck_friction"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +83,9 @@ class Columns:
         """As it is."""
         return fit
 
-    def simplified(self, effect: str, fit: Regressed) -> None:
+    def simplified(self, effect: str, fit: Regressed) -> Regressed | None:
         """No law of these is a part of another one."""
+        return None
 
     def without(self, effect: str, fit: Regressed) -> Regressed:
         """Fitted again."""
@@ -304,3 +306,28 @@ def test_an_effect_is_taken_out_for_the_best_fit_without_it() -> None:
     assert [step.judged[0].effect for step in search.steps[:2]] == [FIRST, SECOND]
     assert search.added == (FIRST,)
     assert search.fits[-1].rms == pytest.approx(np.sqrt(2), rel=0.1)
+
+
+class Nested(Columns):
+    """A model with Coulomb friction, in the place of which Stribeck friction may be."""
+
+    @property
+    def first(self) -> Regressed:
+        """With Coulomb friction."""
+        return self.fit([COULOMB])
+
+    def simplified(self, effect: str, fit: Regressed) -> Regressed:
+        """With Coulomb friction in the place of Stribeck friction."""
+        return self.fit([COULOMB if name == effect else name for name in fit.model.effects])
+
+
+@pytest.mark.parametrize("hidden", [COULOMB, STRIBECK])
+def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(hidden: str) -> None:
+    """Stribeck friction that is not there is not named, and the model's own Coulomb friction stays."""
+    rng = np.random.default_rng(98)
+    columns = {name: rng.standard_normal(SAMPLES) for name in (COULOMB, STRIBECK)}
+    search = Nested(columns[hidden] + 0.1 * rng.standard_normal(SAMPLES), columns)
+    fits = search.first, search.fit([STRIBECK])
+    ended = _eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
+    assert ended.fits[-1].model.effects == (hidden,)
+    assert ended.added == ((STRIBECK,) if hidden == STRIBECK else ())
