@@ -81,18 +81,21 @@ def search_effects(base: Level, effects: Sequence[str], task: Task, pool: Execut
     """The effects with the least prediction errors of observers, with their models, best first.
 
     Each effect comes to the local minimum near the best member of its first generations, those with the least cost to
-    that of the low gain.  base: the fit without them, with whose values, and those of the file, the initial guesses of
-    the effects are combined.  An effect with a whole number may occur twice, as its local minima are far from each
-    other.  Returns none where the time is up or no bar was measured.
+    that of the low gain.  Those with the least cost there are followed by the one with the least cost of the high gain,
+    which a hum misleads less.  base: the fit without them, with whose values, and those of the file, the initial
+    guesses of the effects are combined.  An effect with a whole number may occur twice, as its local minima are far
+    from each other.  Returns none where the time is up or no bar was measured.
     """
     if is_over() or not can_follow(task.rough, *task.experiments):
         return []
     follower, size = _follower(base.model, task), scales_of(base.model, base.segments, task.substep_s)
     begin = partial(_begun, base=base.model, follower=follower.with_more_noise(), size=size)
     begun = [population for niches in pool.map(begin, effects) for population in niches]
-    polished = [*pool.map(partial(_polished, follower=follower), begun)]
-    finished = pool.map(_finished, _leading(polished, 2 * policy.FINISHED, NICHES_LEFT))
-    return _leading([*finished], policy.FINISHED, NICHES_LEFT)
+    polished = [*pool.map(partial(_polished, follower=follower), _leading(begun, len(effects), NICHES_LEFT))]
+    finished = [*pool.map(_finished, _leading(polished, 2 * policy.FINISHED, NICHES_LEFT))]  # in the order of high gain
+    best = _leading(finished, policy.FINISHED, NICHES_LEFT)
+    known = {one.effect for one in best}
+    return best + [one for one in finished if one.effect == finished[0].effect and one.effect not in known]
 
 
 def _cost(follower: Follower, model: Model) -> float:
