@@ -33,7 +33,6 @@ from lostmotion.lab.data.series import rms
 from lostmotion.lab.data.whiteness import fit_percent
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
-from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.fitting.strategy import unfitted
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.likelihood import Method, is_noise
@@ -43,7 +42,7 @@ from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, segment_of
-from lostmotion.lab.shooting.parameters import free_names
+from lostmotion.lab.shooting.parameters import free_names, held
 from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray

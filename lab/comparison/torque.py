@@ -18,7 +18,6 @@ import numpy as np
 
 from lostmotion.lab.comparison.residual_analysis import Prediction
 from lostmotion.lab.data.experiment import Experiment
-from lostmotion.lab.fitting.identifiability import held
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.problem import InverseModel
@@ -26,6 +25,7 @@ from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import noise_floor
 from lostmotion.lab.results import Finding
+from lostmotion.lab.shooting.parameters import held
 from lostmotion.model import Model, Trajectory
 from lostmotion.model.motion import FloatArray
 

@@ -9,20 +9,21 @@ begins.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.results import Estimate
+from lostmotion.lab.shooting.parameters import held
 from lostmotion.model import Model
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "free_states", "held", "is_onward", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "is_onward", "with_free_states", "with_scale"]
 
 PLACES, ONWARD = 100, 0.9
 """Number of samples of an angle, and the least share of the distance between them that leads onward: a shaft that turns
@@ -71,11 +72,6 @@ def is_onward(position: FloatArray) -> bool:
     position = position[np.isfinite(position)]
     steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
     return abs(float(steps.sum())) > ONWARD * float(np.abs(steps).sum())
-
-
-def held(model: Model, names: Iterable[str]) -> Model:
-    """The model with these parameters fixed at their values."""
-    return model.replace({name: replace(model.parameters[name], fixed=True) for name in names})
 
 
 def with_free_states(model: Model) -> Model:

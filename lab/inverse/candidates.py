@@ -15,7 +15,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.fitting.identifiability import held, with_free_states
+from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.first_values import guesses, initial_point, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
@@ -25,7 +25,7 @@ from lostmotion.lab.inverse.torques import follows_motion, inertia_of, simulable
 from lostmotion.lab.selection.evidence import are_consistent
 from lostmotion.lab.selection.nesting import others, wider
 from lostmotion.lab.shooting.initial_guess import initial_guesses, natural_frequency
-from lostmotion.lab.shooting.parameters import free_names
+from lostmotion.lab.shooting.parameters import free_names, held
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import ActsOn, Effect

@@ -23,7 +23,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over, remaining_s, within
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import held, with_free_states
+from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.candidates import (
     SHORT,
     by_acceleration,
@@ -46,6 +46,7 @@ from lostmotion.lab.parallel import each
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import around, without
+from lostmotion.lab.shooting.parameters import held
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray

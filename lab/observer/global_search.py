@@ -28,7 +28,7 @@ from lostmotion.lab.observer.filter import STRONG, WEAK, can_follow
 from lostmotion.lab.observer.objective import Follower
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.initial_guess import initial_guesses, scales_of
-from lostmotion.lab.shooting.parameters import Unknowns
+from lostmotion.lab.shooting.parameters import Unknowns, held
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
@@ -131,7 +131,7 @@ class _Population:
     ) -> None:
         self.effect = effect
         self.follower, self._coupling, self._random = follower, STRONG, np.random.default_rng(seed)
-        self._unknowns = Unknowns.of(_held(models[0], effect) if effect else models[0], follower.rough)
+        self._unknowns = Unknowns.of(_with_time(models[0], effect) if effect else models[0], follower.rough)
         self._whole = [name for name, p in models[0].parameters.items() if p.domain.is_whole and "." in name]
         many = max(FIRST, len(models), min(EACH * len(models), MOST_EACH))
         kept = [models[i % len(models)] for i in range(many)]
@@ -224,13 +224,12 @@ class _Population:
         return np.array([BIAS_WIDTH / i.scale if i.name == "bias" else WIDTH.get(i.name, EFFECT_WIDTH) for i in items])
 
 
-def _held(model: Model, effect: str) -> Model:
+def _with_time(model: Model, effect: str) -> Model:
     """The model with the parameters of its other effects than this one fixed that shift or stretch the time of the
     input or of the readings.  A population keeps their fitted values: runs that differ in them cannot be computed side
     by side, which takes four times as long (35.7 s and 7.9 s of processor time in the second step of a pair)."""
     shifting = [one for name in model.effects if name != effect and ((one := get_effect(name)).delay or one.clock_rate)]
-    names = (f"{one.id}.{name}" for one in shifting for name in model.own(one.id))
-    return model.replace({name: replace(model.parameters[name], fixed=True) for name in names})
+    return held(model, [f"{one.id}.{name}" for one in shifting for name in model.own(one.id)])
 
 
 def _begun(effect: str, base: Model, follower: Follower, size: MotionScales) -> list[_Population]:

@@ -8,7 +8,7 @@ not identify.  All fits of the lab use this vector.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -19,7 +19,7 @@ from lostmotion.lab.results import Estimate
 from lostmotion.model import Domain, Model, Parameter
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Unknown", "Unknowns", "free_names"]
+__all__ = ["Unknown", "Unknowns", "free_names", "held"]
 
 LOG_PRIOR = 1.0
 TRUST: Mapping[str, float] = {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0}
@@ -191,3 +191,8 @@ def _around(
         there = value + step if value + step <= high else value - step
         found.append((at.replace({item.name: item.value(there)}), there - value))
     return at, found
+
+
+def held(model: Model, names: Iterable[str]) -> Model:
+    """The model with these parameters fixed at their values."""
+    return model.replace({name: replace(model.parameters[name], fixed=True) for name in names})
