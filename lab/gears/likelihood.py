@@ -224,13 +224,21 @@ class ShortSegments:
 
     def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
         """The fit of the model without one of its effects, from the initial states of the fit with it.  It is grown to
-        longer segments only where its error is less than ``policy.BEHIND`` times that with the effect."""
-        return self._refitted(without(fit.model, effect), fit)
+        longer segments only where its error is less than ``policy.BEHIND`` times that with the effect.  A part of the
+        model as it is that the effect replaced is back."""
+        part = self._own_part(effect)
+        return self._refitted(in_place(fit.model, effect, part) if part else without(fit.model, effect), fit)
 
     def simplified(self, effect: str, fit: SegmentFit) -> SegmentFit | None:
-        """The same with the simpler law that is a part of an effect in its place; None where there is none."""
-        part = get_effect(effect).simpler
+        """The same with the simpler law that is a part of an effect in its place; None where there is none, or where
+        the fit without the effect has it."""
+        part = None if self._own_part(effect) else get_effect(effect).simpler
         return self._refitted(in_place(fit.model, effect, part.effect), fit) if part else None
+
+    def _own_part(self, effect: str) -> str:
+        """The effect of the model as it is that is a part of another one, which took its place; "" for none."""
+        part = get_effect(effect).simpler
+        return part.effect if part and part.effect in self.short.model.effects else ""
 
     def _refitted(self, model: Model, fit: SegmentFit) -> SegmentFit:
         """The fit of a model with less than another one, from its initial states."""

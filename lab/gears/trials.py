@@ -78,9 +78,13 @@ def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Execu
     found = search_effects(base, effects, task, pool)
     names = list(dict.fromkeys(one.effect for one in found))
     half = (len(names) + 1) // 2
-    for part in (names[:half], names[half:]):
-        if part and (part[0] == names[0] or not is_over()):
-            yield full_fits([(one.effect, merged(one.model)) for one in found if one.effect in part], task, pool)
+
+    def fits(part: list[str]) -> list[Trial]:
+        return full_fits([(one.effect, merged(one.model)) for one in found if one.effect in part], task, pool)
+
+    yield fits(names[:half])
+    if names[half:] and not is_over():
+        yield fits(names[half:])
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:

@@ -277,7 +277,7 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
 def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]) -> Selection[F]:
     """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, or whose
     size is no longer identified, as long as the estimates of the others agree with their definitions.  A law gives way
-    to its simpler part where that predicts as well; without one that replaced a part of the first model, that is back.
+    to its simpler part where that predicts as well.
 
     own: fits of this search.  Of one with the same effects and the fit that begins without the effect the better one
     counts, as the latter may end in another minimum.
@@ -286,18 +286,16 @@ def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]
     for effect in found.added:
         if is_over():
             break
-        now, others = fits[-1], [name for name in labels if name != effect]
-        part = likelihood.simplified(effect, now)
-        is_own = part and {*part.model.effects} == {*fits[0].model.effects, *others}
-        less = part if part and is_own else likelihood.without(effect, now)
+        now, less = fits[-1], likelihood.without(effect, fits[-1])
         less = min(
             [less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms
         )
+        others = [name for name in labels if name != effect]
         is_needed = likelihood.is_sized(effect, now) and _is_worse(less, now, likelihood)
         if not is_needed and are_consistent(less.model, others):
             fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]
             fits[-1], labels = less, others
-        elif part and not is_own and not _is_worse(part, now, likelihood):
+        elif (part := likelihood.simplified(effect, now)) and not _is_worse(part, now, likelihood):
             fits[-1] = part
             labels = _relabelled(labels, fits[0].model.effects, part.model.effects)
     return replace(found, fits=tuple(fits), labels=tuple(labels))

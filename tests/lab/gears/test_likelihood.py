@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -160,3 +160,18 @@ def test_without_an_effect_a_fit_begins_where_it_ended_with_it() -> None:
     assert less.level is less.short
     assert same.short.typical == pytest.approx(level.typical, rel=0.05)
     assert same.rms == pytest.approx(fit.rms, rel=0.05)
+
+
+@pytest.mark.parametrize(("own", "less", "part"), [
+    ((), (), ("coulomb_friction",)),
+    (("coulomb_friction",), ("coulomb_friction",), None),
+])  # fmt: skip
+def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(
+    own: tuple[str, ...], less: tuple[str, ...], part: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without Stribeck friction the Coulomb friction of the file is there again, and is no simpler law to be named."""
+    monkeypatch.setattr(ShortSegments, "_refitted", lambda self, model, fit: model.effects)
+    likelihood = ShortSegments(cast(Any, SimpleNamespace(model=build_model("play", own))), cast(Any, None))
+    fit: Any = SimpleNamespace(model=build_model("play", ["stribeck_friction"]))
+    assert cast(Any, likelihood.without("stribeck_friction", fit)) == less
+    assert cast(Any, likelihood.simplified("stribeck_friction", fit)) == part

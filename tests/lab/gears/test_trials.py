@@ -131,5 +131,8 @@ def test_what_observers_propose_is_fitted_in_two_batches(monkeypatch: pytest.Mon
     assert [effect for effect, _ in cast(Any, next(batches))] == names[:3]
     assert fitted[0][0][1].effects == ("stribeck_friction",)
     assert [effect for effect, _ in cast(Any, next(batches))] == names[3:]
+    assert not list(batches)
     with within(0.0):
         assert len(list(observer_trials(level, names, task, pool))) == 1
+    found.clear()
+    assert list(observer_trials(level, names, task, pool)) == [[]]

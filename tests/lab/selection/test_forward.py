@@ -83,9 +83,8 @@ class Columns:
         """As it is."""
         return fit
 
-    def simplified(self, effect: str, fit: Regressed) -> Regressed | None:
+    def simplified(self, effect: str, fit: Regressed) -> None:
         """No law of these is a part of another one."""
-        return None
 
     def without(self, effect: str, fit: Regressed) -> Regressed:
         """Fitted again."""
@@ -316,7 +315,7 @@ class Nested(Columns):
         """With Coulomb friction."""
         return self.fit([COULOMB])
 
-    def simplified(self, effect: str, fit: Regressed) -> Regressed:
+    def without(self, effect: str, fit: Regressed) -> Regressed:
         """With Coulomb friction in the place of Stribeck friction."""
         return self.fit([COULOMB if name == effect else name for name in fit.model.effects])
 
