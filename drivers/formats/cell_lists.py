@@ -19,8 +19,8 @@ LOOKED_AT = 2
 
 
 def unpacked(lines: Lines) -> Lines:
-    """The same lines without blank ones; where the first row below the titles has lists, with the numbers of each in
-    cells of their own, titled ``positions[0]``, ``positions[1]`` and so on; those of the only point x and y."""
+    """The same lines; where the first row below the titles has lists, without blank ones, and with the numbers of each
+    in cells of their own, titled ``positions[0]``, ``positions[1]`` and so on; those of the only point x and y."""
     first = list(islice(_written(lines), LOOKED_AT))
     if len(first) < LOOKED_AT or not LIST.search(first[1]):
         return lines
