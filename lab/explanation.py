@@ -13,7 +13,7 @@
    data equally well the simplest is taken; the others are reported as confusable.  Where none is significant alone,
    pairs are tried.
 5.  Step 3 is repeated with that effect in the model until nothing is significant or the time is up; effects that later
-   ones have made superfluous are eliminated.
+   ones have made superfluous, or that make the prediction of the last recording worse, are eliminated.
 6.  The remaining error is compared with the sensors' noise, and described where it is larger.
 
 Steps 3 to 5 are ``lab.selection``, one search and one test for all.  It asks a likelihood for fits and predictions:

@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 from lostmotion.lab.deadline import bounded, is_over, remaining_s
 from lostmotion.lab.errors import ExecutorError
 
-__all__ = ["Threads", "cores", "each", "open_executor"]
+__all__ = ["Threads", "cores", "each", "fair_share", "open_executor"]
 
 R = TypeVar("R")
 T = TypeVar("T")
@@ -74,8 +74,17 @@ def each(pool: Executor | None, work: Callable[[T], R], items: Sequence[T], firs
     return list(chain.from_iterable(run(begun, count(), items)))
 
 
+def fair_share(pool: Executor | None, tasks: int) -> float:
+    """The share of the time that each of so many tasks of ``each`` may take, where all shall have the same."""
+    return min((pool.threads if isinstance(pool, Threads) else 1) / max(tasks, 1), 1.0)
+
+
 class Threads(ThreadPoolExecutor):
     """A thread pool whose tasks inherit the deadline of the search."""
+
+    def __init__(self, threads: int) -> None:
+        super().__init__(threads)
+        self.threads = threads
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         """Runs the function in the caller's context."""

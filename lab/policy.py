@@ -85,7 +85,10 @@ better half is fitted first, the others where none of it is accepted.  In 14 ste
 hidden effect was first to ninth after the local minimum of each effect, and first to third after the low gain in 11; a
 compliant shaft that was fifth beside drag took the error from 55 to 13 times the noise."""
 LEAST_PERIODS = 2.0
-"""A torque of N periods a turn is distinguished from a slowly varying one when the motion covers so many periods."""
+"""A torque of N periods a turn is distinguished from a slowly varying one when the motion covers so many periods.  Of
+the power of a sine over one period a cubic, which has as many parameters, leaves 4 % on average over its phases, 38 %
+over 1.5 and 82 % over two.  With 1.0 a ripple of 4 a turn, over 1.8 periods, was named beside the drag of a pendulum;
+with 0 one for the weight of an STS3215."""
 
 RESTS = 0.2
 """Share of the speed below which half of the way is made, below which a free motion has ended.  How a joint comes to

@@ -156,14 +156,15 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
 
 
 def _travel(signals: Signals, fastest: float) -> float:
-    """The range of a motion [rad] at speeds up to ``fastest`` [rad/s]: the least of the range of its angle, the range
-    of a sine with the same standard deviation (for a motion that dies away), and the distance travelled."""
+    """The range of a motion [rad] at speeds up to ``fastest`` [rad/s]: the range of its angle, but at most the distance
+    travelled, and for a motion that dies away the range of a sine with the same standard deviation."""
     slow = np.abs(signals.velocity) < fastest
     if not slow.any():
         return 0.0
     step = float(signals.time[1] - signals.time[0])
     way = float(np.abs(signals.velocity[slow]).sum() * step)
-    return min(float(np.ptp(signals.position[slow])), math.sqrt(8) * float(signals.position.std()), way)
+    dying = math.inf if signals.experiment.is_driven else math.sqrt(8) * float(signals.position.std())
+    return min(float(np.ptp(signals.position[slow])), dying, way)
 
 
 def turns_of(signals: Sequence[Signals]) -> float:

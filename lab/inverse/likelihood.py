@@ -8,7 +8,7 @@ another recording is predicted by the fit to all of them as one more fold.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -42,7 +42,7 @@ from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, softened
-from lostmotion.lab.parallel import each
+from lostmotion.lab.parallel import each, fair_share
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import around, without
@@ -183,7 +183,8 @@ class WholeMotion:
         with within(policy.STAGE_SHARE * remaining_s()):
             begun, screened = self._by_acceleration(wide, now) if self.method is Method.MOTION else ({}, {})
             wide.sort(key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
-            tried = each(self.pool, partial(fitted_with, now=now.inverse, begun=begun), wide)
+            fitted = partial(_fitted_in_time, now=now.inverse, begun=begun, share=fair_share(self.pool, len(wide)))
+            tried = each(self.pool, fitted, wide)
             failed = () if is_over() else tuple(name for (name, _), fit in tried if fit is None)
             fits = [(name, fit) for (name, _), fit in tried if fit]
             fits = self._finished(fits, now) if self.method is Method.MOTION else fits
@@ -263,13 +264,21 @@ class WholeMotion:
             return replace(folds, before=np.full(folds.before.size, np.inf))
         if less is None or there is None:
             return replace(folds, after=folds.before) if there is None else folds
-        block = there.block
+        last = _compared(less, there)
         return replace(
             folds,
-            before=np.concatenate([folds.before, _of_new(less, block) * there.data.whitened(less.misfit) ** 2]),
-            after=np.concatenate([folds.after, _of_new(there, block) * there.residual**2]),
-            block=np.concatenate([folds.block, folds.block.max() + 1 + block]),
+            before=np.concatenate([folds.before, last.before]),
+            after=np.concatenate([folds.after, last.after]),
+            block=np.concatenate([folds.block, folds.block.max() + 1 + last.block]),
         )
+
+    def on_last(self, one: Fitted, other: Fitted) -> Predictions | None:
+        """The squared errors of two fits on the unseen recording; None where there is none, or where one of them cannot
+        be simulated there."""
+        if self.unseen is None:
+            return None
+        less, there = fit_on(one.judged, self.unseen), fit_on(other.judged, self.unseen)
+        return _compared(less, there) if less and there else None
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
         """``policy.LEAST_GAIN``, and of a torque at least ``policy.LEAST_SHARE`` of the squared error of the first
@@ -298,6 +307,24 @@ def _added(fit: Regression, fewer: Model) -> float:
     for effect in model.effects:
         model = model if effect in fewer.effects else without(model, effect)
     return rms(fit.data.misfit(model, fit.nuisance) - fit.misfit)
+
+
+def _fitted_in_time(
+    wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], share: float
+) -> Regression | None:
+    """``fitted_with`` in a share of the remaining time.  On a pendulum that was filmed for 330 s the fits with a weight
+    and a spring took 0.3 s each, and that with Coulomb friction 48 of 54 s, as it needs short steps: no time was left
+    to compare the weight with the spring, which was named."""
+    with within(share * remaining_s()):
+        return fitted_with(wide, now, begun)
+
+
+def _compared(less: Regression, there: Regression) -> Predictions:
+    """The squared errors of two fits on the unseen recording, in blocks of the residual of the second one."""
+    block = there.block
+    return Predictions(
+        _of_new(less, block) * there.data.whitened(less.misfit) ** 2, _of_new(there, block) * there.residual**2, block
+    )
 
 
 def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:

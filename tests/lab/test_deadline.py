@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ import pytest
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments, explain, open_executor
 from lostmotion.lab.deadline import is_over, remaining_s, within
-from lostmotion.lab.inverse import free_parameters, regression
+from lostmotion.lab.inverse import free_parameters, likelihood, regression
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import Point
+from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
-from lostmotion.model import HandWaved, build_model
+from lostmotion.model import HandWaved, Model, build_model
 from tests.lab.simulated_gears import GEARS, gears
 
 
@@ -89,3 +91,25 @@ def test_the_used_parts_of_long_recordings_do_not_depend_on_how_fast_they_were_r
     used_s, whole_s = at_once.used_s
     assert used_s < whole_s
     assert late.used_s == at_once.used_s
+
+
+def test_one_slow_effect_does_not_take_the_time_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit that does not end is given its share; all other effects are fitted."""
+    tried = list[str]()
+
+    def slow(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression]) -> Regression | None:
+        tried.append(wide[0])
+        while wide[0] == "coulomb_friction" and not is_over():
+            time.sleep(0.01)
+        return None
+
+    monkeypatch.setattr(likelihood, "fitted_with", slow)
+    monkeypatch.setattr(likelihood.WholeMotion, "_by_acceleration", lambda self, wide, now: ({}, {}))
+    model = build_model("servo", ["viscous_friction"])
+    signals = [Signals.of(one, is_force=False) for one in experiments(model, [servo(1), servo(2)])]
+    asked = likelihood.WholeMotion(likelihood.Method.MOTION, model, signals)
+    now = asked.first
+    with within(4.0):
+        (found,) = asked.proposals(now, ())
+    assert tried.index("coulomb_friction") < len(tried) - 1
+    assert found.untried == ()

@@ -46,3 +46,29 @@ def test_a_motor_cogs_as_often_as_its_slots_and_poles_say(tmp_path: Path) -> Non
     assert answer["missing"][0] == "torque_ripple"
     assert "84 times a turn" in " ".join(answer["words"])
     assert abs(answer["parameters"]["torque_ripple.tau_r"][0]) == pytest.approx(COGGING, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_servo_cogs_over_two_periods(tmp_path: Path) -> None:
+    """Ten periods a turn over a range of 1.5 rad, most of the time over half of it, are named with their number."""
+
+    def moved(phase: float) -> Recording:
+        def goal(t: float) -> float:
+            tones = (0.21, 1.0), (0.55, 2.1), (1.3, 0.3)
+            return 0.36 * sum(math.sin(2 * math.pi * f * t + phase * p) for f, p in tones) / math.sqrt(1.5)
+
+        def moves(t: float, x: np.ndarray) -> list[float]:
+            duty = min(max(5.28 * (goal(t) - x[0]), -1.0), 1.0)
+            torque = 1.2 * (12.0 * duty - 1.2 * x[1]) / 4.4 - 0.08 * x[1] + 0.4 * math.sin(10 * x[0] + 0.3)
+            return [x[1], torque / 6e-3]
+
+        time = np.arange(0.0, 8.0, 0.02)
+        x = solve_ivp(moves, (0.0, 8.0), [goal(0.0), 0.0], "LSODA", time, rtol=1e-8, atol=1e-10).y
+        noise = 4e-4 * np.random.default_rng(int(10 * phase)).standard_normal(time.size)
+        columns = {"command": np.array([goal(t) for t in time.tolist()]), "position": x[0] + noise}
+        return Recording(time, columns, {}, {}, 0, f"{phase}.csv")
+
+    model = 'base = "servo"\neffects = ["viscous_friction"]\n'
+    answer = explained(tmp_path, model, [moved(phase) for phase in (0.4, 1.7, 2.9)])
+    assert answer["missing"] == ["torque_ripple"]
+    assert "10 times a turn" in " ".join(answer["words"])

@@ -97,6 +97,10 @@ class Columns:
         block = np.arange(SAMPLES // 2) // BLOCK
         return Predictions(one.left[1::2] ** 2, other.left[1::2] ** 2, block)
 
+    def on_last(self, one: Regressed, other: Regressed) -> Predictions | None:
+        """There is no last recording."""
+        return None
+
     def least_gain(self, fit: Regressed, now: Regressed) -> float:
         """A twentieth."""
         return 0.05
@@ -330,3 +334,30 @@ def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(hidden: st
     ended = _eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
     assert ended.fits[-1].model.effects == (hidden,)
     assert ended.added == ((STRIBECK,) if hidden == STRIBECK else ())
+
+
+class Moved(Columns):
+    """A last recording in which the first column has the opposite sign, and which the second column resembles."""
+
+    def on_last(self, one: Regressed, other: Regressed) -> Predictions:
+        """Both columns lead away from it: the second by itself, the first only without the second."""
+        rng = np.random.default_rng(97)
+        noise, block = rng.standard_normal(SAMPLES), np.arange(SAMPLES) // BLOCK
+
+        def error(fit: Regressed) -> FloatArray:
+            effects = fit.model.effects
+            off = 1.0 * (SECOND in effects) + 0.5 * (FIRST in effects and SECOND not in effects)
+            return np.asarray((noise + off) ** 2)
+
+        return Predictions(error(one), error(other), block)
+
+
+def test_what_the_last_recording_contradicts_is_not_named() -> None:
+    """Two effects that predict all other samples better make the last recording worse: neither is named.  The first is
+    asked twice, as it does no harm while the second is there."""
+    columns = independent()
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    search = selected(Moved(noise + 2 * columns[FIRST] + columns[SECOND], columns), lambda what, part: None)
+    assert [step.judged[0].effect for step in search.steps[:2]] == [FIRST, SECOND]
+    assert search.added == ()
+    assert search.fits[-1].model.effects == ()
