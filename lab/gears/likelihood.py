@@ -264,9 +264,8 @@ class ShortSegments:
         before, after = (residuals(fit.model, segments, step) for fit in (one, other))
         return compared(replace(less, parts=(*less.parts, *before)), replace(more, parts=(*more.parts, *after)))
 
-    def on_last(self, one: SegmentFit, other: SegmentFit) -> Predictions:
-        """The ``predictions``, as the last recording is the one that is predicted."""
-        return self.predictions(one, other)
+    def on_last(self, one: SegmentFit, other: SegmentFit) -> None:
+        """None: the ``predictions`` are of the last recording."""
 
     def least_gain(self, fit: SegmentFit, now: SegmentFit) -> float:
         """``policy.FAR_GAIN`` where the error stays far from the noise, as almost any effect shifts impacts and

@@ -90,7 +90,8 @@ class Likelihood(Protocol[F]):
         in the blocks of the reported interval, as in the last fits of the search."""
 
     def on_last(self, one: F, other: F) -> Predictions | None:
-        """Errors of two fits on the last recording; None where they cannot be compared there."""
+        """Errors of two fits on the last recording; None where they cannot be compared there, and where ``predictions``
+        are of that recording."""
 
     def least_gain(self, fit: F, now: F) -> float:
         """The share of the squared error that an effect must take to be named."""
