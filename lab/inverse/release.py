@@ -53,6 +53,8 @@ PERIOD = 3
 """Widths of the local polynomials in a period."""
 TURNING = 0.1
 """Share of a period: the longest time in which a free motion turns."""
+LEAST_HELD = 8
+"""Least number of readings to distinguish a rest that ends from a cubic: twice its parameters."""
 TOP = 0.98
 """Share of the largest speed above which a shaft may still be driven: a driven shaft keeps its speed, apart from noise,
 and a coasting one slows down at once."""
@@ -101,8 +103,9 @@ def _free_part(signals: Signals) -> _FreePart:
     ``policy.MISSED`` times that of the surely free part.  Of an oscillator less than a period is not left out, as a
     second mode that dies down looks alike.  A joint has none, and a hand deflects it within half a period.
 
-    A rest before the motion is left out if it is longer than that of a free motion at its turning points: a pendulum
-    that falls from the upright hardly accelerates there, and no simulation from there follows it.  For an accelerometer
+    A rest before the motion is left out if it is longer than that of a free motion at its turning points, or ends like
+    one that is held: a pendulum that falls from the upright hardly accelerates there, and no simulation from there
+    follows it.  For an accelerometer
     half a period after a rest is left out as well, which is the longest time in which a blow does not push against the
     motion.
 
@@ -116,7 +119,7 @@ def _free_part(signals: Signals) -> _FreePart:
     if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
         release, acts_again = _by_acceleration(signals, motion)
     begins, ends = motion.whole.start, motion.whole.stop
-    if begins > TURNING * motion.period:
+    if begins > TURNING * motion.period or _is_held(motion.readings[: 2 * begins]):
         release = max(release, begins + (motion.period // 2 if signals.column == ACCEL else 0))
     is_angle = signals.column == "position" and not signals.experiment.is_linear
     if is_angle and _gains_speed(signals.position[max(begins, release) : ends]):
@@ -139,6 +142,21 @@ def _by_acceleration(signals: Signals, motion: _LocalMotion) -> tuple[int, bool]
     acts_again = bool(signals.moving[motion.whole.stop :].any() if motion.coasts else after.any())
     shortest = 0 if signals.column == "position" else PERIOD * width
     return release if release >= shortest else 0, acts_again
+
+
+def _is_held(readings: FloatArray) -> bool:
+    """Whether these first readings (N,) are a rest that ends suddenly: whether a constant up to some sample, and a
+    square and a cube of the time since then, leave less than 1/``policy.MISSED`` of what a cubic leaves, which has as
+    many parameters and follows a motion that is free from the first reading on."""
+    time = np.arange(readings.size, dtype=float)
+
+    def left(*columns: FloatArray) -> float:
+        inputs = np.stack([np.ones_like(time), *columns], axis=1)
+        return float(np.linalg.norm(readings - inputs @ np.linalg.lstsq(inputs, readings)[0]))
+
+    since = [np.maximum(time - start, 0.0) for start in range(1, readings.size // 2 + 1)]
+    held = min((left(one**2, one**3) for one in since), default=math.inf)
+    return bool(policy.MISSED * held < left(time, time**2, time**3)) if readings.size >= LEAST_HELD else False
 
 
 def _gains_speed(angle: FloatArray) -> bool:
@@ -182,13 +200,14 @@ def _period(signals: Signals, part: slice) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _LocalMotion:
-    """Position, speed and acceleration (N,) by local polynomials (Savitzky and Golay).
+    """The readings, and position, speed and acceleration (N,) by local polynomials (Savitzky and Golay).
 
     width: of the polynomials, a third of a period [samples]; free: where the motion is surely free, from its largest
     speed until rest; whole: all samples of the motion; period: that of the motion [samples]; coasts: whether it is that
     of a shaft that nothing pulls back.
     """
 
+    readings: FloatArray
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
@@ -220,7 +239,7 @@ class _LocalMotion:
         first = _last_fastest(velocity[begin : moved.stop], top) + begin
         last = int(np.flatnonzero(is_moving(velocity[begin : moved.stop]))[-1]) + begin + 1
         whole = round(coast if is_coast else _period(signals, moved) / step)
-        return cls(position, velocity, acceleration, width, slice(first, last), moved, whole, is_coast)
+        return cls(raw, position, velocity, acceleration, width, slice(first, last), moved, whole, is_coast)
 
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration less a function of position and speed (N,), which is fitted where the motion is surely free;

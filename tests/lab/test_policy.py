@@ -46,7 +46,7 @@ NUMERICS = {
     "inverse/free_parameters.py": (4, "a finite difference, scales, a weak prior, a bound"),
     "inverse/regression.py": (5, "a minimiser; rank of a matrix, leverage of a block"),
     "inverse/channel.py": (4, "grids of bands and delays, and blocks"),
-    "inverse/release.py": (8, "local polynomials, what is no error, parts of a period, the top of a speed, modes"),
+    "inverse/release.py": (9, "local polynomials, what is no error, parts of a period, the top of a speed, modes"),
     "inverse/signals.py": (12, "filters and splines"),
     "inverse/zero_phase.py": (1, "the order of a filter"),
     "inverse/torques.py": (4, "integration step, width of a smoothed sign"),

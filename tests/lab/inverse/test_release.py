@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,21 @@ def test_a_pendulum_that_is_free_from_its_first_sample(
         (found,) = released([measured(swing(start, 0.0, friction))])
     assert found.time[0] == 0.0
     assert not caplog.text
+
+
+@pytest.mark.parametrize("held_s", [0.0, 0.04, 0.06])
+def test_an_arm_that_is_held_for_a_moment_and_hardly_swings(held_s: float) -> None:
+    """Too short for an acceleration, and followed by too little motion to compare one with: the readings show it."""
+
+    def slope(t: float, x: FloatArray) -> list[float]:
+        return [x[1], -90.0 * (math.sin(x[0]) + 0.1 * math.tanh(100 * x[1])) - 8.4 * x[1]]
+
+    time = np.arange(0.0, 3.3, 0.0075)
+    free = time[time >= held_s] - held_s
+    fall = solve_ivp(slope, (0.0, 3.3), [1.02, 0.0], "LSODA", free, rtol=1e-8, atol=1e-10).y[0]
+    angle = np.round(np.concatenate([np.full(time.size - free.size, 1.02), fall]) / 6e-4) * 6e-4
+    (found,) = released([Experiment("arm.csv", None, time, {"position": angle})])
+    assert 0.0 <= found.time[0] - held_s < (0.03 if held_s else 1e-9)
 
 
 def test_a_pendulum_that_falls_from_the_upright(caplog: pytest.LogCaptureFixture) -> None:
