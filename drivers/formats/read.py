@@ -13,13 +13,14 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, guessed, mapped, speeds_told
+from lostmotion.drivers.formats.commands import held, unused
+from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, speeds_told
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import column_of, is_angle, is_gyroscope, without_joint
+from lostmotion.drivers.formats.words import is_angle, is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
 
@@ -81,14 +82,17 @@ def imported(path: Path, choice: Choice) -> Imported:
         kept = [replace(one, unit="deg") if one.column in ANGLES else one for one in kept]
         parts = [(times, factor * values) for (times, values), factor in zip(parts, degrees, strict=True)]
     notes += [doubt for one, (_, q) in zip(kept, parts, strict=True) for doubt in _doubts(one, q, source.series)]
+    notes += unused(kept, parts, source.series)
     if not any(times.size for times, _ in parts):
         raise RecordingError(
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
             "was the recording stopped at once?"
         )
+    parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
-    return Imported(Recording(time, columns, metadata, name=str(path)), source.kind, samples.clock, kept, notes)
+    recording = Recording(time, columns, metadata, name=str(path))
+    return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
 
 
 def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
@@ -141,10 +145,7 @@ def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[Float
 
 
 def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:
-    """A warning where the size of the numbers contradicts the assumed unit, an angle does not change, or a drive is
-    zero."""
-    if silent := _silent(one, values, series):
-        return silent
+    """A warning where the size of the numbers contradicts the assumed unit, or an angle does not change."""
     if one.column in MOTIONS and one.why == "by its name" and values.size and not np.ptp(values) > 0:
         return [f"{one.column}: {shown(one.series)} does not change; {hint}" for hint in speeds_told(series)]
     if one.column not in ANGLES or one.unit or one.why == "given" or np.abs(values).max(initial=0.0) < MANY_TURNS:
@@ -155,17 +156,6 @@ def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[s
     return [
         f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, use {option}:deg{counts}"
     ]
-
-
-def _silent(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:
-    """A warning of a drive that is zero throughout, where there is another one that is not that of another joint."""
-    if one.column not in DRIVES or one.why != "by its name" or not values.size or values.any():
-        return []
-    own = without_joint(one.series)
-    names = [each.name for each in series if column_of(each.name) == one.column]
-    others = [name for name in names if without_joint(name) != own]
-    said = f"{one.column}: {shown(one.series)} is zero throughout; if another one drives it, use"
-    return [f"{said} {mapped(one.column, name)}" for name in others[:1]]
 
 
 def _merged(

@@ -10,8 +10,8 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
-    "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_time", "joint_of", "speed_of", "time_rank",
-    "unit_of", "without_joint",
+    "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_sent", "is_time", "joint_of", "speed_of",
+    "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -20,6 +20,8 @@ COMMAND = {
 }  # fmt: skip
 MEASURED = {"actual", "measured", "feedback", "present"}
 """of a position where no other quantity is named, as a command is one: ``FL_1_target`` and ``FL_1_actual``"""
+REPORTED = {"state", "states", "observation", "sensor", "shaft"}
+"""of what is read, and not sent: the ``reference`` in a controller's state is a sample"""
 POSITION = {
     "position", "positions", "pos", "angle", "angles", "qpos", "q", "theta", "phi", "encoder", "enc", "counts", "ticks",
 }  # fmt: skip
@@ -182,6 +184,12 @@ def is_input(name: str) -> bool:
     """Whether a series is the input of a motor, of no quantity that has a column: ``u``, ``pwm``, ``control_input``."""
     words = set(_words(name))
     return bool(words & INPUT) and column_of(name) is None and not words & (OTHER - INPUT | COMMAND)
+
+
+def is_sent(name: str) -> bool:
+    """Whether a series is what a motor is told, and not what a sensor or an observer says."""
+    words = {*_words(name)}
+    return bool(words & (COMMAND | INPUT)) and not words & (OTHER - INPUT | MEASURED | ESTIMATED | REPORTED)
 
 
 def speed_of(name: str) -> str | None:

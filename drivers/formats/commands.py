@@ -1,0 +1,76 @@
+"""What a motor was told, where a robot publishes that by itself: only when it changes, or beside the joints' states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, mapped
+from lostmotion.drivers.formats.source import Series, shown
+from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, without_joint
+
+__all__ = ["held", "unused"]
+
+RARE = 0.1
+"""messages of a command for each of the readings, below which the drive holds a value until the next one"""
+POWERS = DRIVES - {"command"}
+
+Part = tuple[FloatArray, FloatArray]
+
+
+def held(chosen: Sequence[Chosen], parts: Sequence[Part]) -> tuple[list[Part], list[str]]:
+    """Times and values of each column, those of commands that have few messages at the times of the readings, each held
+    until the next one, NaN before the first; and what a person should know.  Sensors are never held."""
+    read = max((times for one, (times, _) in zip(chosen, parts, strict=True) if one.column in MOTIONS), key=len,
+               default=np.empty(0))  # fmt: skip
+    found, notes = list(parts), []
+    for at, (one, (times, values)) in enumerate(zip(chosen, parts, strict=True)):
+        if one.column in DRIVES and is_sent(one.series) and 0 < times.size < RARE * read.size:
+            last = np.searchsorted(times, read, side="right") - 1
+            found[at] = (read, np.where(last < 0, np.nan, values[np.maximum(last, 0)]))
+            count = "1 message" if times.size == 1 else f"{times.size} messages"
+            notes.append(f"{one.column}: {shown(one.series)} has {count}; each value is held until the next one")
+    return found, notes
+
+
+def unused(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series]) -> list[str]:
+    """A warning where no drive is used, or one that is zero throughout, and another one of no other joint is there."""
+    drives = [(one, values.any()) for one, (_, values) in zip(chosen, parts, strict=True) if one.column in POWERS]
+    moved = [one.series for one in chosen if one.column in MOTIONS]
+    if not moved or any(one.why == "given" or acts for one, acts in drives):
+        return []
+    taken = {one.series for one in chosen}
+    others = [one.name for one in series if one.name not in taken]
+    if drives:
+        silent = drives[0][0]
+        same = [name for name in others if column_of(name) == silent.column]
+        told = [mapped(silent.column, name) for name in same if without_joint(name) != without_joint(silent.series)]
+        told = told or [_drives(name) for name in _sent(others, moved[0])]
+        said = f"{silent.column}: {shown(silent.series)} is zero throughout; if another one drives it, use"
+        return [f"{said} {option}" for option in told[:1]]
+    return [
+        f"{shown(name)} is not used, and the motion is taken as free; if that drives it, use {_drives(name)}"
+        for name in _sent(others, moved[0])[:1]
+    ]
+
+
+def _sent(names: Sequence[str], moved: str) -> list[str]:
+    """Those that are commands of no other joint than that of the series that moves; those of a torque first, of goals
+    last."""
+    joints = {joint_of(name) for name in names if column_of(name) in MOTIONS} - {joint_of(moved)}
+    found = [name for name in names if is_sent(name) and joint_of(name) not in joints and _power_of(name)]
+    return sorted(found, key=lambda name: column_of(name) == "command")
+
+
+def _power_of(name: str) -> str:
+    """The column that a command may be: that of its quantity, else a voltage, and what names no quantity a torque."""
+    column = column_of(name) or ("voltage" if is_input(name) else "")
+    return "torque" if column == "command" else column if column in POWERS else ""
+
+
+def _drives(name: str) -> str:
+    """What to type for a command that drives a joint."""
+    goal = f", or for a goal {mapped('command', name)}" if column_of(name) == "command" else ""
+    return f"{mapped(_power_of(name), name)}{goal}"

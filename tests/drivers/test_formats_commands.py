@@ -1,0 +1,67 @@
+"""Commands of motors that a robot publishes by themselves: held where they come only when they change, else told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.drivers.test_formats import read
+
+T = np.arange(2000) * 0.002
+ANGLE = np.where(T < 1.0, 0.0, 0.5 * (T - 1.0) ** 2)
+HEADER = "__time,/joint_states/joint0/position,/joint_states/joint1/position"
+SENT = {1.0001: 2.0, 2.5001: -1.0}
+
+
+def log(path: Path, topic: str, states: str = "", sent: dict[float, float] = SENT) -> Path:
+    """A log of joint states, and of a topic with a message only where its value changes.  states: of the effort."""
+    rows = {t: f"{t:.6f},{q:.9f},0.5{',0.0' * bool(states)}," for t, q in zip(T, ANGLE, strict=True)}
+    rows |= {t: f"{t:.6f},,{',' * bool(states)},{value}" for t, value in sent.items()}
+    path.write_text("\n".join([f"{HEADER}{states},{topic}", *(rows[t] for t in sorted(rows))]) + "\n")
+    return path
+
+
+def test_a_command_that_is_published_on_change_is_held(tmp_path: Path) -> None:
+    """The readings know the command from its first message on."""
+    path = log(tmp_path / "steps.csv", "/effort_control/data.0")
+    found = read(path, "torque=/effort_control/data.0", joint="joint0")
+    time, torque = found.recording.signal("torque")
+    assert np.isfinite(found.recording.columns["position"]).all()
+    np.testing.assert_allclose(time, T[T > 1.0001])
+    np.testing.assert_allclose(torque, np.where(time < 2.5001, 2.0, -1.0))
+    assert "torque: /effort_control/data.0 has 2 messages; each value is held until the next one" in found.notes
+
+
+@pytest.mark.parametrize("topic", ["/wrench/torque", "/joint_states/effort_measured_command"])
+def test_a_sensor_is_never_held(topic: str, tmp_path: Path) -> None:
+    path = log(tmp_path / "slow.csv", topic)
+    assert read(path, f"torque={topic}", joint="joint0").recording.signal("torque")[0].size == len(SENT)
+
+
+def test_a_command_at_the_rate_of_the_readings_is_not_held(tmp_path: Path) -> None:
+    path = log(tmp_path / "sine.csv", "/effort_control/data.0", sent={t + 5e-4: np.sin(t) for t in T[::4]})
+    found = read(path, "torque=/effort_control/data.0", joint="joint0")
+    assert found.recording.signal("torque")[0].size == T[::4].size
+
+
+@pytest.mark.parametrize(
+    ("topic", "option"),
+    [
+        ("/effort_control/data.0", "--map torque=/effort_control/data.0"),
+        ("/wheel/command.data", "--map torque=/wheel/command.data, or for a goal --map command=/wheel/command.data"),
+    ],
+)
+@pytest.mark.parametrize("states", [",/joint_states/joint0/effort", ""])
+def test_a_command_that_is_not_used_is_told(topic: str, option: str, states: str, tmp_path: Path) -> None:
+    """Also where the states have an effort that is zero throughout."""
+    (note,) = [one for one in read(log(tmp_path / "x.csv", topic, states), joint="joint0").notes if "drives it" in one]
+    assert note.endswith(f" use {option}")
+    assert ("zero throughout" if states else f"{topic} is not used, and the motion is taken as free") in note
+
+
+@pytest.mark.parametrize("topic", ["/effort_command/joint1", "/effort_control/layout", "/temperature", "/measured/u"])
+def test_what_drives_no_joint_or_another_one_is_not_told(topic: str, tmp_path: Path) -> None:
+    found = read(log(tmp_path / "x.csv", topic), joint="joint0")
+    assert not [one for one in found.notes if "drives it" in one]
