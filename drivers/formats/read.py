@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +12,22 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.angles import ASSUMED, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, unused
-from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, speeds_told
+from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
-from lostmotion.drivers.formats.source import Choice, Samples, Series, shown
+from lostmotion.drivers.formats.source import Choice, Samples, shown
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import is_angle, is_gyroscope
+from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
-from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS
+from lostmotion.drivers.units import COLUMN_UNITS
 
 __all__ = ["Imported", "imported"]
 
-ANGLES = ("command", "position")
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
-COUNTS = 90
-"""half the swing in whole numbers, beyond which they may be counts of an encoder"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,29 +65,21 @@ def imported(path: Path, choice: Choice) -> Imported:
             notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
             continue
         values = _converted(one, values, str(path))
-        if one.column == "position" and len(guess.columns) == 1 and _is_swing_in_degrees(one, values):
-            notes.append(f"position: no unit is given; taken as deg, as nothing swings by {np.ptp(values) / 2:.4g} rad")
-            one, values = replace(one, unit="deg", factor=np.pi / 180), values * np.pi / 180
         if one.column in MOTIONS and one.si in INTEGRAL:
             values, note = _integrated(one, times, values)
             one, notes = replace(one, si=INTEGRAL[one.si]), [*notes, note]
         parts.append((times, values))
         kept.append(one)
-    if _are_of_a_servo_in_degrees(kept, [values for _, values in parts]):
-        notes.append("command, position: no unit is given; taken as deg, as a servo with a goal does not turn so often")
-        degrees = [np.pi / 180 if one.column in ANGLES else 1.0 for one in kept]
-        kept = [replace(one, unit="deg") if one.column in ANGLES else one for one in kept]
-        parts = [(times, factor * values) for (times, values), factor in zip(parts, degrees, strict=True)]
-    notes += [doubt for one, (_, q) in zip(kept, parts, strict=True) for doubt in _doubts(one, q, source.series)]
-    notes += unused(kept, parts, source.series)
     if not any(times.size for times, _ in parts):
         raise RecordingError(
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
             "was the recording stopped at once?"
         )
+    kept, parts, told = in_degrees(kept, parts, source.series)
+    notes += [*told, *doubts(kept, parts, source.series), *unused(kept, parts, source.series)]
+    metadata = _metadata(source.kind, guess.joint, kept, samples)
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)
-    metadata = _metadata(source.kind, guess.joint, kept, samples)
     recording = Recording(time, columns, metadata, name=str(path))
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
 
@@ -123,41 +112,6 @@ def _offset(speed: FloatArray) -> float:
     return sum(means) / 2 if is_same and crossings(speed) >= 2 * SWINGS else 0.0
 
 
-def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
-    """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
-    if one.unit or one.why == "given" or one.factor != 1 or not values.size:
-        return False
-    most = COUNTS if (values == np.rint(values)).all() else 360
-    return bool(crossings(values) >= SWINGS and np.pi < np.ptp(values) / 2 <= most)
-
-
-def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> bool:
-    """Whether goal and angle have no unit, and are beyond the turns of a servo in rad, but within one in degrees; whole
-    numbers may be counts, unless both are called angles."""
-    angles = [(one, numbers) for one, numbers in zip(columns, values, strict=True) if one.column in ANGLES]
-    if {one.column for one, _ in angles} != {*ANGLES} or any(
-        one.unit or one.why == "given" or one.factor != 1 for one, _ in angles
-    ):
-        return False
-    numbers = np.concatenate([each for _, each in angles])
-    may_be_counts = bool((numbers == np.rint(numbers)).all()) and not all(is_angle(one.series) for one, _ in angles)
-    return MANY_TURNS <= float(np.abs(numbers).max()) <= 360 and not may_be_counts
-
-
-def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:
-    """A warning where the size of the numbers contradicts the assumed unit, or an angle does not change."""
-    if one.column in MOTIONS and one.why == "by its name" and values.size and not np.ptp(values) > 0:
-        return [f"{one.column}: {shown(one.series)} does not change; {hint}" for hint in speeds_told(series)]
-    if one.column not in ANGLES or one.unit or one.why == "given" or np.abs(values).max(initial=0.0) < MANY_TURNS:
-        return []
-    span = f"{values.min():.4g} to {values.max():.4g}"
-    option = f"{one.column}={shown(one.series)}"
-    counts = f", if counts of 4096 a turn, {option}*{pi / 2048:.8f}" if (values == np.round(values)).all() else ""
-    return [
-        f"{one.column}: no unit is given, and {span} were taken as rad; if they are degrees, use {option}:deg{counts}"
-    ]
-
-
 def _merged(
     chosen: Sequence[Chosen], parts: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -178,6 +132,7 @@ def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples)
     if samples.start is not None:
         metadata["start"] = samples.start
     metadata["imported"] = {"format": kind, **{one.column: _plain(one.series) for one in chosen}}
+    metadata["imported"] |= {f"{one.column}_assumed": one.unit for one in chosen if one.why.endswith(ASSUMED)}
     return metadata | {f"{one.column}_unit": one.si for one in chosen if one.si != COLUMN_UNITS[one.column]}
 
 

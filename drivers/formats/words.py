@@ -51,6 +51,8 @@ INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
 """what drives a motor, in a unit of its own: a share of the voltage, most often"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
 """A part of a ROS message: what a controller puts out, and no angle of an output shaft."""
+JOINT_STATES = re.compile(r"/joint_states[/.]")
+"""a topic of ROS, whose messages (sensor_msgs/JointState) have rad and N m by definition"""
 ESTIMATED = {"est", "estimate", "estimated", "hat", "observer", "observed"}
 """of an observer: worse than what was measured: ``theta_hat``"""
 GENERAL = {
@@ -266,7 +268,7 @@ def unit_of(name: str, column: str) -> str:
     if BRACKETED.search(RUN.sub("", name)):
         return next((unit for unit in _last(name) if to_si(unit) is not None), "")
     fits = (unit for unit in _last(name) if (si := to_si(unit)) is not None and si[0] == COLUMN_UNITS[column])
-    return next(fits, "")
+    return next(fits, COLUMN_UNITS[column] if JOINT_STATES.search(name) and column in ("position", "torque") else "")
 
 
 def _last(name: str) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +33,13 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
         found = [name for name in found if is_axis and name not in outputs]
     elif not {*found} & {*outputs}:
         found = []
+    if "displacement" in found and base == "oscillator" and (series := _assumed(recording)):
+        log.warning(
+            "%s: no displacement was found; the position is taken for it, not as the degrees that were assumed, but "
+            "its numbers as m; if they are in mm, use --map displacement=%s:mm", recording.name, series,
+        )  # fmt: skip
+        position = np.degrees(recording.columns["position"])
+        return replace(recording, columns={**recording.columns, "displacement": position})
     for name in found:
         is_angular = base == "oscillator" and pairs[name] not in recording.foreign_units
         instead = f", so that {recording.unit(name)} stands for {recording.unit(pairs[name])}" if is_angular else ""
@@ -40,6 +47,13 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
     columns = {**recording.columns, **{name: recording.columns[pairs[name]] for name in found}}
     units = {f"{name}_unit": recording.unit(pairs[name]) for name in found if base == "joint"}
     return replace(recording, columns=columns, metadata={**recording.metadata, **units})
+
+
+def _assumed(recording: Recording) -> str:
+    """The series of a position that was read in degrees only because no pendulum swings so far in rad; "" for none."""
+    imported = recording.metadata.get("imported", {})
+    is_table = isinstance(imported, Mapping)
+    return str(imported.get("position", "SERIES")) if is_table and imported.get("position_assumed") == "deg" else ""
 
 
 def is_sampled(recording: Recording, column: str) -> bool:

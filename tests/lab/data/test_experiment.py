@@ -280,6 +280,18 @@ def test_a_position_is_the_displacement_of_an_oscillator(caplog: pytest.LogCaptu
     assert "no displacement was found; the position is taken for it, so that m stands for rad" in caplog.text
 
 
+def test_an_oscillator_takes_no_number_for_degrees(caplog: pytest.LogCaptureFixture) -> None:
+    """A swing of 68 was read as that of a pendulum: it is the file's number that moves."""
+    times = np.arange(0.0, 3.0, 0.01)
+    metadata = {"imported": {"position": "column2", "position_assumed": "deg"}}
+    swing = Recording(times, {"position": np.radians(68 * np.cos(9 * times))}, metadata, name="p.csv")
+    (one,) = experiments(build_model("oscillator"), [swing])
+    np.testing.assert_allclose(one.measured["displacement"], 68 * np.cos(9 * times), atol=1e-9)
+    assert "but its numbers as m; if they are in mm, use --map displacement=column2:mm" in caplog.text
+    (turns,) = experiments(build_model("joint"), [swing])
+    np.testing.assert_allclose(turns.measured["position"], np.radians(68 * np.cos(9 * times)), atol=1e-9)
+
+
 @pytest.mark.parametrize("place", [{"displacement": "m"}, {"position": "m"}])
 def test_a_force_drives_a_linear_axis(place: dict[str, str], caplog: pytest.LogCaptureFixture) -> None:
     """As of a damper on a test bench: without its force it would be taken to move freely.  An angle has no force."""

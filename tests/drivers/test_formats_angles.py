@@ -1,0 +1,69 @@
+"""Angles without a unit: rad by definition, degrees where rad are impossible; what is told where neither is sure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.drivers.test_formats import read
+from tests.drivers.test_formats_as_saved import rows
+
+T = np.arange(400) * 0.02
+SWING = np.exp(-T / 8) * np.cos(6 * T)
+
+
+def saved(path: Path, header: str, *columns: np.ndarray) -> Path:
+    path.write_text(header + "\n" + rows(T, *columns, sign=","))
+    return path
+
+
+def test_joint_states_are_in_rad(tmp_path: Path) -> None:
+    """A motor may turn to and fro over more than a turn; --map knows better."""
+    path = saved(tmp_path / "x.csv", "__time,/joint_states/a/position,/joint_states/a/effort", 14 * SWING, SWING)
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(14 * SWING, abs=1e-3)
+    assert [one.unit for one in found.columns] == ["rad", "N m"]
+    assert not [note for note in found.notes if "no unit is given" in note]
+    degrees = read(path, "position=/joint_states/a/position:deg").recording.columns["position"]
+    assert degrees == pytest.approx(np.radians(14 * SWING), abs=1e-3)
+    path = saved(tmp_path / "alone.csv", "__time,/joint_states/a/position", 14 * SWING)
+    assert read(path).recording.columns["position"] == pytest.approx(14 * SWING, abs=1e-3)
+
+
+def test_what_a_motor_moves_is_no_swing_in_degrees(tmp_path: Path) -> None:
+    """A pendulum does not turn over to and fro; the shaft of a motor may.  The command is not used, but there."""
+    path = saved(tmp_path / "x.csv", "__time,/a/shaft_position,/wheel/command", 14 * SWING, 0 * SWING)
+    found = read(path, "command=")
+    assert found.recording.columns["position"] == pytest.approx(14 * SWING, abs=1e-3)
+    assert [note for note in found.notes if note.startswith("position: no unit is given, and") and ":deg" in note]
+
+
+def test_a_swing_in_degrees_says_what_to_type_for_rad(tmp_path: Path) -> None:
+    found = read(saved(tmp_path / "x.csv", "t,angle", 60 * SWING))
+    (note,) = [one for one in found.notes if "taken as deg" in one]
+    assert note.endswith("else use --map position=angle:rad")
+    assert found.recording.metadata["imported"]["position_assumed"] == "deg"
+    known = read(saved(tmp_path / "x.csv", "t,angle", 60 * SWING), "position=angle:rad").recording
+    assert "position_assumed" not in known.metadata["imported"]
+
+
+@pytest.mark.parametrize(("name", "factor"), [("angle", np.pi / 180), ("q", 1.0)])
+def test_whole_numbers_that_swing_far_are_degrees_if_they_are_called_an_angle(
+    name: str, factor: float, tmp_path: Path
+) -> None:
+    """Others may be counts of an encoder."""
+    whole = np.rint(150 * SWING)
+    found = read(saved(tmp_path / "x.csv", f"t,{name}", whole))
+    assert found.recording.columns["position"] == pytest.approx(whole * factor, abs=1e-6)
+    assert [note for note in found.notes if "no unit is given" in note and f"position={name}:" in note]
+
+
+def test_whole_numbers_over_a_turn_are_doubted(tmp_path: Path) -> None:
+    """Nobody measures in whole rad: eight of them are degrees or counts, also below two turns."""
+    found = read(saved(tmp_path / "x.csv", "t,q,tau", np.rint(4 * SWING), SWING))
+    (note,) = [one for one in found.notes if "no unit is given" in one]
+    assert "whole numbers, which rad hardly are, -4 to 4 were taken as rad" in note
+    assert note.endswith("use position=q:deg, if counts of 4096 a turn, position=q*0.00153398")
+    assert not [one for one in read(saved(tmp_path / "y.csv", "t,q,tau", 4 * SWING, SWING)).notes if "no unit" in one]
