@@ -66,7 +66,7 @@ def guessed(
 ) -> Guess:
     """The columns of a recording.  name: of the file, in errors; clock: the series that is the time although its name
     does not say so; moving: by column the axis that moves most.  Raises RecordingError."""
-    candidates = _candidates(series, choice)
+    candidates = _candidates([one for one in series if one.name != clock], choice)
     _check_topics(series, choice.topics, name)
     joint = _joint(candidates, choice, name)
     chosen, notes = {}, []

@@ -176,7 +176,8 @@ def with_angle(table: Table, choice: Choice) -> Table:
 def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
     """The table without the joints that hardly move, where one moves far more than all others; else without those
     whose goal and angle never change, where the same of other joints does; and a note of them."""
-    angles = [one.name for one in table.series if column_of(one.name) in ("command", "position")]
+    turning = ("command", "position")
+    angles = [one.name for one in table.series if column_of(one.name) in turning and one.name != table.clock]
     named = [name for name in angles if joint_of(name) and any(map(str.isalpha, _bare(without_joint(name))))]
     joints = {joint_of(name) for name in named}
     if choice.joint or choice.hint in joints or len(joints) < 2:

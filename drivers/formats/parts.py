@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
@@ -19,13 +20,13 @@ __all__ = ["joined"]
 
 def joined(name: str, paths: Sequence[Path], opened: Callable[[Path], Source]) -> Table:
     """The tables of all files as one.  A series whose name says no quantity gets that of its file in front; the times
-    are those of the first file that has them.  Raises RecordingError."""
+    are those of the first file that has them, also where no name tells them.  Raises RecordingError."""
     tables = [_table(path, opened(path)) for path in paths]
     found: dict[str, tuple[Table, Series]] = {}
     for path, table in zip(paths, tables, strict=True):
         has_time = any(_is_time(one) for _, one in found.values())
         for at, one in enumerate(table.series):
-            if not (has_time and _is_time(one)):
+            if not (has_time and _is_time(one)) and not (one.name == table.clock and _repeats(table, tables)):
                 found.setdefault(_named(one.name, path.stem, at, table, found), (table, one))
 
     def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
@@ -52,6 +53,15 @@ def _table(path: Path, source: Source) -> Table:
 
 def _is_time(one: Series) -> bool:
     return is_time(one.name) or one.unit == DATE
+
+
+def _repeats(table: Table, tables: Sequence[Table]) -> bool:
+    """Whether the times of a table, which no name tells, are those of the first table with such times."""
+    first = next(each for each in tables if each.clock)
+    times, own = (np.asarray(each.load([each.clock])[each.clock], dtype=float) for each in (first, table))
+    return (
+        first is not table and times.size == own.size and bool(np.abs(times - own).max() < np.median(np.diff(own)) / 2)
+    )
 
 
 def _named(name: str, stem: str, at: int, table: Table, taken: Mapping[str, object]) -> str:

@@ -656,3 +656,31 @@ def test_the_number_of_the_row_is_no_time(tmp_path: Path) -> None:
     path = tmp_path / "rows.txt"
     path.write_text(rows(np.arange(1.0, 301), SWING, sign=" "))
     assert "position=column2:deg', if there are 100 rows a second" in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "column"), [("run_pos1_20", "run_tau1_20", "torque"), ("q", "u", "voltage")]
+)
+@pytest.mark.parametrize("is_swapped", [False, True])
+def test_files_of_time_and_value_without_names_are_one_recording(
+    first: str, second: str, column: str, is_swapped: bool, tmp_path: Path
+) -> None:
+    """Each has the times in its first column: the second has none again, and neither is a joint."""
+    q, drive = tmp_path / f"{first}.t", tmp_path / f"{second}.t"
+    q.write_text(rows(T, 0.5 * SWING))
+    drive.write_text(rows(T, SWING))
+    found = read(Path(f"{drive}+{q}" if is_swapped else f"{q}+{drive}"))
+    assert {one.column: one.series for one in found.columns} == {"position": f"{first}[1]", column: f"{second}[1]"}
+    np.testing.assert_allclose(found.recording.time, T, atol=1e-5)
+    np.testing.assert_allclose(found.recording.columns["position"], 0.5 * SWING, atol=1e-5)
+    assert not [note for note in found.notes if note.startswith(("not used", "taken is"))]
+
+
+def test_files_whose_names_say_nothing_are_refused_with_the_whole_option(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.t", tmp_path / "two.t"
+    one.write_text(rows(T, SWING))
+    two.write_text(rows(T, 2 * SWING))
+    told = refused(Path(f"{one}+{two}"))
+    assert "assign them, as in --map 'position=one[1]:deg', and a torque --map 'torque=two[1]'" in told
+    found = read(Path(f"{one}+{two}"), "position=one[1]:deg", "torque=two[1]").recording
+    np.testing.assert_allclose(found.columns["torque"], 2 * SWING, atol=1e-5)
