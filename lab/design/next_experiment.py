@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.series import rms
@@ -25,7 +26,7 @@ from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Linearised, Segment, start_with, state_scales
-from lostmotion.lab.shooting.task import Task
+from lostmotion.lab.shooting.task import Task, coarse_substep
 from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sampled, Sine
 
 __all__ = ["what_to_record"]
@@ -52,6 +53,7 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
     """
     if len(models) < 2 or task.experiments[0].drive is None:
         return ""
+    task = _suited(task, models)
     here = min(_separation(one.drive, models, task) for one in task.experiments if one.drive)
     names = " and ".join(words.name(_own(model, models)) for model in models)
     if here >= 1:  # no larger motion helps where the noise is not what hides it
@@ -71,6 +73,12 @@ def what_to_record(models: Sequence[Model], task: Task, pool: Executor) -> str:
         f"Record {proposals[best].text}: there {names} differ by {apart[best]:.2g} times the noise, "
         f"in these recordings by {here:.2g}."
     )
+
+
+def _suited(task: Task, models: Sequence[Model]) -> Task:
+    """The task with an integration step that all of these models allow: that of a task is chosen before a fit."""
+    steps = [coarse_substep(model, task.experiments) for model in models]
+    return replace(task, substep_s=min(task.substep_s, *steps))
 
 
 def _own(model: Model, models: Sequence[Model]) -> str:
@@ -147,6 +155,8 @@ def _segments(motion: Motion, model: Model, task: Task) -> list[Segment]:
     time = start + np.arange(0.0, min(LENGTH_S, like.duration), 1 / like.rate_hz)
     run = own.simulate(motion, time, substep_s=task.substep_s)
     measured = {name: run[name] for name in like.measured}
+    if any(np.abs(values).max() > LARGEST for values in measured.values()):
+        raise ModelError("the motion exceeds what a recording may hold")
     whole = replace(like, drive=motion, time=time, measured=measured, clock_zero=start)
     pieces = tiles(whole, first_level(model.base, whole))
     states = run.states[np.searchsorted(time, [float(piece.time[0]) - 1e-9 for piece in pieces])]
@@ -168,4 +178,4 @@ def _apart(
         differences.append(projected_off(block.B, r))
         slopes.append(projected_off(block.B, block.A))
     left = projected_off(np.concatenate(slopes), np.concatenate(differences))
-    return rms(left)
+    return rms(left) if np.isfinite(left).all() else 0.0

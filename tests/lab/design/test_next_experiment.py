@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,7 +16,7 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.deadline import within
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.shooting.task import Task
-from lostmotion.model import Model, build_model, by_name
+from lostmotion.model import Model, Sampled, build_model, by_name
 
 NOISE = 5e-4
 
@@ -74,3 +76,23 @@ def test_no_advice_when_the_time_is_up() -> None:
     """A motion with stiff friction takes a minute to be compared: a search whose time is up ends without it."""
     with within(0.0):
         assert advised(rubbing("coulomb_friction", tau_c=0.15), rubbing("viscous_friction", b_v=0.1)) == ""
+
+
+def test_a_friction_that_the_fit_found_stiff_is_stepped_finely_enough() -> None:
+    """The step of the task is that of the file's model: with it 1500/s grew to 1e257, numpy warned, and the advice told
+    of a difference of "nan"."""
+    times = np.arange(2000) / 500
+    torque = 40 * np.sin(12 * times)
+    rough = build_model("joint", ["viscous_friction"], {"J": 2e-2, "viscous_friction.b_v": 1e-3})
+    position = rough.simulate(Sampled(times, torque), times)["position"]
+    recording = Recording(times, {"torque": torque, "position": position}, name="rec.csv")
+    stiff = [
+        build_model("joint", [effect], {"J": 2e-5, f"{effect}.{name}": value})
+        for effect, name, value in [("viscous_friction", "b_v", 0.03), ("quadratic_damping", "b2", 1e-5)]
+    ]
+    own = replace(Task.of(rough, experiments(rough, [recording]), {"position": 1.0}), substep_s=0.004)
+    with warnings.catch_warnings(), ThreadPoolExecutor(2) as pool:
+        warnings.simplefilter("error")
+        text = what_to_record(stiff, own, pool)
+    assert text
+    assert "nan" not in text
