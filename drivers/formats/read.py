@@ -14,6 +14,7 @@ from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, unused
+from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
 from lostmotion.drivers.formats.registry import open_source
@@ -77,6 +78,7 @@ def imported(path: Path, choice: Choice) -> Imported:
         )
     kept, parts, told = in_degrees(kept, parts, source.series)
     notes += [*told, *doubts(kept, parts, source.series), *unused(kept, parts, source.series)]
+    notes += goals(kept, parts, source.series)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)

@@ -16,7 +16,6 @@ from functools import partial
 
 import numpy as np
 
-from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.series import rms
@@ -33,6 +32,8 @@ __all__ = ["what_to_record"]
 
 LENGTH_S = 4.0
 REST_S = 0.5
+LARGEST = 1e30
+"""number that a recording may hold"""
 INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lostmotion.drivers.formats.goal import follows
 from tests.drivers.test_formats import read
 
 T = np.arange(2000) * 0.002
@@ -65,3 +66,37 @@ def test_a_command_that_is_not_used_is_told(topic: str, option: str, states: str
 def test_what_drives_no_joint_or_another_one_is_not_told(topic: str, tmp_path: Path) -> None:
     found = read(log(tmp_path / "x.csv", topic), joint="joint0")
     assert not [one for one in found.notes if "drives it" in one]
+
+
+def driven(by_goal: bool) -> tuple[np.ndarray, np.ndarray]:
+    """A sweep and the angle of a motor, held at it by a controller, or with it as the voltage."""
+    u = 50 * np.sin(2 * np.pi * (0.5 * T + 0.4 * T**2))
+    angle, speed, found = 0.0, 0.0, []
+    for each in u:
+        found.append(angle)
+        speed += 0.002 * 40 * ((20 * (each - angle) if by_goal else each) - speed)
+        angle += 0.002 * speed
+    return u, np.rint(found)
+
+
+def test_an_input_that_the_angle_follows_is_told_as_a_goal(tmp_path: Path) -> None:
+    """In ``t u v theta`` u is the goal, which does not drive the motor; v is what does."""
+    path = tmp_path / "ruler.csv"
+    for by_goal in (True, False):
+        u, angle = driven(by_goal)
+        rows = [f"{t:.3f},{a:.6f},{a - q:.0f},{q:.0f}" for t, a, q in zip(T, u, angle, strict=True)]
+        path.write_text("\n".join(["t,u,v,theta", *rows]) + "\n")
+        notes = [one for one in read(path).notes if "as a goal" in one]
+        assert len(notes) == by_goal
+    assert abs(follows(T, *driven(True)) - 1) < 0.1
+    assert follows(T, u, np.zeros_like(u)) == 0
+
+
+def test_the_note_of_a_goal_says_what_to_type(tmp_path: Path) -> None:
+    u, angle = driven(True)
+    rows = [f"{t:.3f},{a:.6f},{a - q:.0f},{q:.0f}" for t, a, q in zip(T, u, angle, strict=True)]
+    path = tmp_path / "ruler.csv"
+    path.write_text("\n".join(["t,u,v,theta", *rows]) + "\n")
+    (note,) = [one for one in read(path).notes if "as a goal" in one]
+    assert "for the base servo use --map command=u --map voltage=, or give what drives it: --map voltage=v" in note
+    assert {one.column for one in read(path, "command=u", "voltage=").columns} == {"command", "position"}

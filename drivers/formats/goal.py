@@ -1,0 +1,67 @@
+"""An input that no name tells, ``u``: what drives a motor, or the goal that its angle follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.formats.guess import MOTIONS, Chosen, mapped
+from lostmotion.drivers.formats.source import Series, shown
+from lostmotion.drivers.formats.words import SPEED_LETTER, column_of, is_time
+
+__all__ = ["follows", "goals"]
+
+NEAR, EXPLAINED = 0.1, 0.8
+"""How far from 1 the gain of an angle that follows a goal may be, and the least share of the goal's variance that the
+angle, its speed and its acceleration explain.  Of three sweeps of a motor with a bar gains are 0.99, of 0.82; of motors
+that a voltage drives -0.4 and 0.0, of 0.96."""
+SHARE, LEAST = 100, 5
+"""the window is this part of the recording, and of so many samples at least"""
+
+Part = tuple[FloatArray, FloatArray]
+
+
+def goals(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series]) -> list[str]:
+    """A warning where the input that counts as the motor's voltage is the goal that the position follows."""
+    by_column = {one.column: (one, part) for one, part in zip(chosen, parts, strict=True)}
+    moved = [found for column, found in by_column.items() if column in MOTIONS]
+    if "voltage" not in by_column or not moved:
+        return []
+    (one, (times, values)), (motion, (_, angle)) = by_column["voltage"], moved[0]
+    if not one.why.startswith("the motor's input") or values.size != angle.size:
+        return []
+    gain = follows(times, values, angle / motion.factor)
+    if abs(gain - 1) > NEAR:
+        return []
+    taken = {each.series for each in chosen}
+    others = [
+        each.name for each in series if each.name not in taken and not (is_time(each.name) or column_of(each.name))
+    ]
+    drive = next((name for name in others if SPEED_LETTER.fullmatch(name)), "SERIES")
+    said = f"{shown(motion.series)} follows {shown(one.series)} as a goal, with a gain of {gain:.2f}"
+    servo = f"for the base servo use {mapped('command', one.series)} --map voltage="
+    return [f"voltage: {said}: it is hardly one; {servo}, or give what drives it: {mapped('voltage', drive)}"]
+
+
+def follows(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:
+    """The gain by which an angle (N,) follows a goal (N,): c of goal = c angle + its speed and acceleration, each by a
+    factor, + a constant, all weighted by the same smooth window, so that no noise is differentiated.  0 where this
+    does not explain the goal."""
+    width = max(goal.size // SHARE, LEAST)
+    if goal.size < 4 * width or not (np.ptp(goal) > 0 and np.ptp(angle) > 0):
+        return 0.0
+    window = np.sin(np.pi * (np.arange(width) + 0.5) / width) ** 4
+    step = float(np.median(np.diff(times))) or 1.0
+    windows = [window, first := np.gradient(window, step), np.gradient(first, step)]
+    columns = np.stack([np.convolve(angle - angle.mean(), each / window.sum(), "valid") for each in windows], axis=1)
+    columns = columns - columns.mean(axis=0)
+    smooth = np.convolve(goal - goal.mean(), window / window.sum(), "valid")
+    smooth = smooth - smooth.mean()
+    size = np.abs(columns).max(axis=0)
+    if not size.all() or not smooth.any():
+        return 0.0
+    factors = np.linalg.lstsq(columns / size, smooth, rcond=None)[0]
+    left = smooth - columns / size @ factors
+    return float(factors[0] / size[0]) if float(left @ left) < (1 - EXPLAINED) * float(smooth @ smooth) else 0.0
