@@ -18,6 +18,7 @@ from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cell_lists import unpacked
 from lostmotion.drivers.formats.cells import date, number
+from lostmotion.drivers.formats.guess import listed
 from lostmotion.drivers.formats.labels import unlabelled
 from lostmotion.drivers.formats.source import DATE, Series, check_count, shown
 from lostmotion.drivers.formats.table import Table
@@ -62,12 +63,14 @@ def open_lines(name: str, kind: str, lines: Lines) -> Table:
     series = [Series(layout.header[i], DATE if i in layout.dates else str(units[i])) for i in numeric]
     if not series:
         raise RecordingError(f"{name}: found text without a column of numbers, expected a table; is it a recording?")
-    notes: list[str] = []
+    words = [layout.header[i] for i in range(len(layout.header)) if i not in numeric and _is_filled(rows, i)]
+    left = [f"left out, as they hold words: {listed([Series(title) for title in words])}"] * bool(words)
+    notes = list(left)
 
     def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:
         reading = _Reading(name, layout, [layout.header.index(title) for title in names])
         loaded = reading.load(lines)
-        notes[:] = reading.notes()
+        notes[:] = [*left, *reading.notes()]
         return loaded
 
     metadata = {key: value for key, value in layout.metadata.items() if not key.endswith("_unit")}
@@ -140,6 +143,11 @@ def _column(cells: list[str], index: int, layout: Layout) -> NDArray[Any]:
     except ValueError:
         pass
     return np.array([number(cell, layout.decimal_comma) for cell in cells], dtype=float)
+
+
+def _is_filled(rows: list[list[str]], index: int) -> bool:
+    """Whether a column holds more than a few cells."""
+    return sum(bool(row[index].strip()) for row in rows) >= MOST_EMPTY * len(rows) > 0
 
 
 def _is_numeric(rows: list[list[str]], index: int, layout: Layout) -> bool:

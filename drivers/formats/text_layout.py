@@ -42,8 +42,14 @@ LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 RULER = re.compile(r"[\s+|]*[-=]{3}[-=+|\s]*")
 """a line below the header, drawn with signs"""
+MATRIX = re.compile(r"^\s*(?:\w+\s*=\s*)?\[|[\];]\s*$")
+OPENED = re.compile(r"^\s*(?:\w+\s*=\s*)?\[")
+"""how a matrix begins"""
 NAME = re.compile(r"[^\s(\[]\S*(?:\s*[(\[][^)\]]*[)\]])?")
 """among names that blanks separate, one with its unit in brackets"""
+
+FAR = re.compile(r"\s{2,}|\t")
+"""between names that hold blanks themselves: ``Sample   Commanded Pos   Control Effort``"""
 
 Lines = Callable[[], Iterator[str]]
 """reads the lines of a table from its beginning"""
@@ -168,8 +174,8 @@ def _names_in(line: str, rows: Rows) -> list[str]:
     """The cells of a line above the rows, by their sign, or by another one where that gives too few."""
     found = cells_of(line, rows.separator)
     if rows.separator == " " and len(found) > rows.width:
-        joined = NAME.findall(line)
-        return joined if len(joined) == rows.width else found
+        joined = (NAME.findall(line), FAR.split(line.strip()))
+        return next((names for names in joined if len(names) == rows.width), found)
     while len(found) > rows.width and not found[-1].strip():
         found.pop()
     if len(found) >= rows.width and (rows.width == 1 or any(cell.strip() for cell in found[1:])):
@@ -240,6 +246,7 @@ def _separator(line: str) -> str:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
+    line = _without_signs(line, separator) if MATRIX.search(line) else line
     if separator == " ":
         return line.split()
     if '"' not in line:
@@ -248,6 +255,17 @@ def cells_of(line: str, separator: str) -> list[str]:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:  # a cell without end
         return [line]
+
+
+def _without_signs(line: str, separator: str) -> str:
+    """A row without the signs with which programs write a matrix: ``[`` before the first row, ``;`` behind each, if
+    nothing else stands between semicolons, and ``]`` behind the last one."""
+    plain = line.rstrip()
+    if separator != ";" and ";" not in (less := plain.removesuffix(";")):
+        plain = less.rstrip()
+    if "[" in plain and "]" not in plain:
+        plain = OPENED.sub("", plain)
+    return plain.removesuffix("]") if "[" not in plain else plain
 
 
 def _unique(names: Sequence[str]) -> list[str]:

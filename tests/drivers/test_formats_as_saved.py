@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, number
+from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.words import column_of, is_time, speed_of
 from tests.drivers.test_formats import read, refused
 
@@ -684,3 +685,33 @@ def test_files_whose_names_say_nothing_are_refused_with_the_whole_option(tmp_pat
     assert "assign them, as in --map 'position=one[1]:deg', and a torque --map 'torque=two[1]'" in told
     found = read(Path(f"{one}+{two}"), "position=one[1]:deg", "torque=two[1]").recording
     np.testing.assert_allclose(found.columns["torque"], 2 * SWING, atol=1e-5)
+
+
+ECP = " Sample   Time     Commanded Pos   Encoder 1 Pos   Control Effort\n\n"
+
+
+@pytest.mark.parametrize(("before", "title"), [("[", ECP), ("", ECP), ("data = [", "%" + ECP), ("[", "")])
+def test_a_matrix_with_brackets_and_semicolons_keeps_its_last_column(before: str, title: str, tmp_path: Path) -> None:
+    """As the programs of ECP's plants write it: the drive, in the last column, was lost without a word."""
+    path = tmp_path / "ecp.txt"
+    lines = [
+        f"{k:6d}{t:9.3f}{100 * k:12d}{1000 * y:14.0f}{np.cos(t):14.4f}"
+        for k, (t, y) in enumerate(zip(T, SWING, strict=True))
+    ]
+    path.write_text(f"{title}{before}" + ";\n".join(lines) + ("];\n" if before else ";\n"))
+    if not title:
+        path.write_text("text\n" + path.read_text())
+    names = [one.name for one in open_source(path).series]
+    assert names == (["Sample", "Time", "Commanded Pos", "Encoder 1 Pos", "Control Effort"] if title else names)
+    assert len(names) == 5
+    found = read(path, f"position={names[3]}", f"torque={names[4]}", f"time={names[1]}")
+    np.testing.assert_allclose(found.recording.columns["torque"], np.cos(T), atol=1e-4)
+    assert not [note for note in found.notes if "no rows" in note]
+
+
+def test_columns_of_words_are_not_left_out_silently(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text(
+        "t,angle,phase,empty\n" + "".join(f"{t:.3f},{y:.5f},swing,\n" for t, y in zip(T, SWING, strict=True))
+    )
+    assert [note for note in read(path).notes if "words" in note] == ["left out, as they hold words: phase"]
