@@ -15,7 +15,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import listed, mapped, named
 from lostmotion.drivers.formats.source import DATE, Choice, Samples, Series, Term
-from lostmotion.drivers.formats.words import UNNAMED, ends_in_time, is_run, is_time, time_rank, unit_of
+from lostmotion.drivers.formats.words import UNNAMED, ends_in_time, is_run, is_time, rate_of, time_rank, unit_of
 from lostmotion.drivers.units import to_si
 
 __all__ = ["Table", "seconds"]
@@ -30,6 +30,8 @@ published files with steps of 1 to 1.2 none has one row a second."""
 MOST_STEPS = 0.5
 """Share of the rows, in which what may be a time ascends; a step of an input ascends once.  Of 520 published files 0.2
 has three more with such a column, the x of a film, and 0.8 the same ones."""
+SELDOM = 0.01
+"""share of the rows in which a counter whose name says its rate may begin anew"""
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
@@ -128,12 +130,25 @@ class Table:
 
     def _advised(self) -> str:
         """What to type for the times; "" for none."""
-        return f"choose their series, as in {mapped('time', *self.rising)}, or " if self.rising else ""
+        if not self.rising:
+            return ""
+        name, unit = self.rising
+        rate, usual = rate_of(name), float(np.nanmedian(self._steps[name]))
+        doubt = f"{1e3 * rate:g} Hz, as a row in {usual / rate:.3g} s would be slow" if rate else ""
+        counted = f" (if it counts at {doubt})" if rate and _is_slow(usual, rate) else ""
+        return f"choose their series, as in {mapped('time', name, unit)}{counted}, or "
 
     @cached_property
     def rising(self) -> tuple[str, str] | None:
-        """The first series that only ascends, and does not count the rows, which may be the times; and ``:unit``."""
-        found = [name for name, each in self._steps.items() if (each >= 0).all() and np.mean(each > 0) > MOST_STEPS]
+        """The first series that only ascends, and does not count the rows unless its name says how often, which may be
+        the times; and ``:unit``, or ``*factor`` by the rate in its name."""
+        steps = {name: each[~np.isnan(each)] for name, each in self._steps.items()}
+        rises = {name: each for name, each in steps.items() if np.mean(each > 0) > MOST_STEPS}
+        found = [name for name, each in rises.items() if (each >= 0).all()]
+        counts = (name for name, each in rises.items() if rate_of(name) and np.mean(each < 0) < SELDOM)
+        if name := next(counts, ""):
+            rate = rate_of(name)
+            return name, f"*{1 / (1e3 * rate if _is_slow(float(np.median(steps[name])), rate) else rate):.6g}"
         name = next((name for name in found if name not in self.counting), "")
         return (name, f":{_counted(self.load([name])[name]) or 's'}") if name else None
 
@@ -169,6 +184,11 @@ class Table:
             )
         lost = times.size - known.size
         return [f"{lost} rows without a time were left out"] if lost else []
+
+
+def _is_slow(steps: float, rate: float) -> bool:
+    """Whether so many counts a row are too many for a rate [Hz], but not for one in kHz that was called Hz."""
+    return steps / rate > LONGEST_STEP_S >= steps / (1e3 * rate)
 
 
 def _counts_rows(column: Array) -> bool:

@@ -10,8 +10,8 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
-    "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_sent", "is_time", "joint_of", "speed_of",
-    "time_rank", "unit_of", "without_joint",
+    "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_sent", "is_time", "joint_of", "rate_of",
+    "speed_of", "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -86,6 +86,8 @@ UNITS = {
 RUN = re.compile(r"\s*(?:\bRun\s*#?\s*\d+|\bMonitor Run|#\d+|\(\d+\)|(?<=[A-Za-z])_?\d+)\s*$", re.IGNORECASE)
 """the number of a run at the end of a name: ``Position (m) Run #1``, ``t2``; of the second of its name in ``t (4)``; or
 the run that is shown while it is measured, which has none: ``Position (cm) Monitor Run``"""
+RATE = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
+"""how often something was counted"""
 UNNAMED = re.compile(r"column\d+")
 """what a column without a name is called"""
 BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
@@ -201,6 +203,12 @@ def speed_of(name: str) -> str | None:
     if not (words & SPEED or found) or words & (OTHER - SPEED | COMMAND):
         return None
     return found[0] if found else ""
+
+
+def rate_of(name: str) -> float:
+    """The rate in the name of a series [Hz], as in ``timestep (8 kHz)``; 0 for none."""
+    found = RATE.search(name)
+    return float(found[1]) * {"": 1, "k": 1e3, "m": 1e6}[found[2].lower()] if found else 0.0
 
 
 def is_run(name: str) -> bool:

@@ -164,3 +164,27 @@ def test_a_torque_of_zero_beside_another_one_is_told(tmp_path: Path) -> None:
     found = read(path, "torque=/effort_control/data.0", joint="joint0")
     assert found.recording.columns["torque"] == pytest.approx(INPUT)
     assert not [one for one in found.notes if "zero throughout" in one]
+
+
+@pytest.mark.parametrize(
+    ("name", "per_row", "option"),
+    [
+        ("timestep (8Hz)", 1, "--map 'time=timestep (8Hz)*0.125', or give"),
+        ("count [2 kHz]", 20, "--map 'time=count [2 kHz]*0.0005', or give"),
+        (
+            "timestep (8Hz)",
+            50,
+            "--map 'time=timestep (8Hz)*0.000125' (if it counts at 8000 Hz, as a row in 6.25 s would be slow)",
+        ),
+    ],
+)
+def test_a_counter_with_its_rate_in_its_name_is_proposed(name: str, per_row: int, option: str, tmp_path: Path) -> None:
+    """The first row has no numbers, the last have zeros, and the steps are uneven: a log asks as fast as it can."""
+    path = tmp_path / "chirp.csv"
+    uneven = per_row * np.arange(T.size) + np.where(np.arange(T.size) % 3, 0, per_row // 10) + 7
+    path.write_text(f"{name},voltage,position\nnan,nan,nan;\n" + rows(uneven, INPUT, ANGLE, sign=","))
+    path.write_text(path.read_text() + 2 * "0.0,0.0,0.0\n")  # of a buffer that was not full
+    told = refused(path)
+    assert f"and no times; choose their series, as in {option}" in told
+    term = told.split("--map '")[1].split("'")[0]
+    assert np.ptp(read(path, term).recording.time) == pytest.approx(np.ptp(uneven) * float(term.split("*")[1]))
