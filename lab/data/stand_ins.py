@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.model.motion import FloatArray
 
 __all__ = ["LENGTHS", "is_sampled", "with_stand_ins"]
 
@@ -18,6 +19,9 @@ ELSE = {
     "joint": {"position": "displacement", "torque": "force"},
 }
 """What is taken for a column of a base where it was not recorded."""
+WINDOWS, SAME, ALIKE = (11, 31, 101), 0.03, 0.99
+"""Rows of the window in which an acceleration is compared with its position, how far their factor may be from 1, and
+the least share of its variance that the position explains: 0.996 and 0.9999 of three loggers of a disc on a spring."""
 log = logging.getLogger(__name__)
 
 
@@ -26,6 +30,7 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
     motion, or with those as the position and the torque of a linear axis; a warning reports it.
 
     outputs: the columns that are compared."""
+    recording = _without_second_derivative(recording) if base == "oscillator" else recording
     pairs = ELSE.get(base, {})
     found = [name for name, other in pairs.items() if is_sampled(recording, other) and not is_sampled(recording, name)]
     if any(is_sampled(recording, name) for name in outputs):
@@ -47,6 +52,41 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
     columns = {**recording.columns, **{name: recording.columns[pairs[name]] for name in found}}
     units = {f"{name}_unit": recording.unit(pairs[name]) for name in found if base == "joint"}
     return replace(recording, columns=columns, metadata={**recording.metadata, **units})
+
+
+def _without_second_derivative(recording: Recording) -> Recording:
+    """The recording with its position as the displacement of an oscillator, instead of an acceleration that is how
+    fast the position's speed changes, in m/s² for m: a logger that derives it adds noise.  A warning reports it."""
+    if is_sampled(recording, "displacement") or not all(is_sampled(recording, name) for name in ("position", "accel")):
+        return recording
+    position, accel = (recording.columns[name] for name in ("position", "accel"))
+    rows = np.isfinite(position) & np.isfinite(accel)
+    if not any(_is_second_derivative(recording.time[rows], position[rows], accel[rows], width) for width in WINDOWS):
+        return recording
+    log.warning(
+        "%s: accel is the second derivative of position, in m/s^2 for m: the position is taken for the displacement, "
+        "and accel is left out; --map position= uses accel instead", recording.name,
+    )  # fmt: skip
+    columns = {name: values for name, values in recording.columns.items() if name not in ("position", "accel")}
+    return replace(recording, columns={**columns, "displacement": position})
+
+
+def _is_second_derivative(times: FloatArray, values: FloatArray, second: FloatArray, width: int) -> bool:
+    """Whether numbers (N,) are the second derivative of others (N,), both weighted by a smooth window of so many rows,
+    which takes the derivative instead of the numbers."""
+    if values.size < 4 * width:
+        return False
+    window = np.sin(np.pi * (np.arange(width) + 0.5) / width) ** 4
+    step = float(np.median(np.diff(times))) or 1.0
+    derived = np.convolve(values - values.mean(), np.gradient(np.gradient(window, step), step), "valid")
+    given = np.convolve(second - second.mean(), window, "valid")
+    derived, given = derived - derived.mean(), given - given.mean()
+    power, most = float(derived @ derived), float(given @ given)
+    if not power or not most:
+        return False
+    factor = float(derived @ given) / power
+    left = given - factor * derived
+    return abs(factor - 1) < SAME and float(left @ left) < (1 - ALIKE) * most
 
 
 def _assumed(recording: Recording) -> str:

@@ -280,6 +280,23 @@ def test_a_position_is_the_displacement_of_an_oscillator(caplog: pytest.LogCaptu
     assert "no displacement was found; the position is taken for it, so that m stands for rad" in caplog.text
 
 
+def test_an_acceleration_that_a_logger_derives_gives_way_to_its_position(caplog: pytest.LogCaptureFixture) -> None:
+    """As of a motion sensor: its acceleration is that of its position, in whatever window.  An accelerometer of another
+    part, or in other units, is not."""
+    times = np.arange(0.0, 12.0, 0.01)
+    position = 0.1 * np.exp(-times / 9) * np.cos(8.4 * times)
+    rounded = np.round(position, 4)
+    derived = np.convolve(np.gradient(np.gradient(rounded, times), times), np.ones(9) / 9, "same")
+    columns = {"position": rounded, "accel": derived}
+    (one,) = experiments(build_model("oscillator"), [Recording(times, columns, name="p.csv")])
+    assert list(one.measured) == ["displacement"]
+    np.testing.assert_allclose(one.measured["displacement"], rounded)
+    assert "accel is the second derivative of position" in caplog.text
+    for other in (2 * derived, np.cos(30 * times)):
+        (one,) = experiments(build_model("oscillator"), [Recording(times, {**columns, "accel": other}, name="q.csv")])
+        assert list(one.measured) == ["accel"]
+
+
 def test_an_oscillator_takes_no_number_for_degrees(caplog: pytest.LogCaptureFixture) -> None:
     """A swing of 68 was read as that of a pendulum: it is the file's number that moves."""
     times = np.arange(0.0, 3.0, 0.01)
