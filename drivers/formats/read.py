@@ -76,7 +76,7 @@ def imported(path: Path, choice: Choice) -> Imported:
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
             "was the recording stopped at once?"
         )
-    kept, parts, told = in_degrees(kept, parts, source.series)
+    kept, parts, told = in_degrees(_of_axis(kept), parts, source.series)
     notes += [*told, *doubts(kept, parts, source.series), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
@@ -84,6 +84,15 @@ def imported(path: Path, choice: Choice) -> Imported:
     time, columns = _merged(kept, parts)
     recording = Recording(time, columns, metadata, name=str(path))
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
+
+
+def _of_axis(chosen: Sequence[Chosen]) -> list[Chosen]:
+    """The columns, with what drives an axis along a line in N, where it has no unit of its own."""
+    is_linear = any(one.column in MOTIONS and one.si == "m" for one in chosen)
+    return [
+        replace(one, si="N") if is_linear and one.column == "torque" and not one.unit and one.si == "N m" else one
+        for one in chosen
+    ]
 
 
 def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:

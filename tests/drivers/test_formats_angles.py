@@ -67,3 +67,13 @@ def test_whole_numbers_over_a_turn_are_doubted(tmp_path: Path) -> None:
     assert "whole numbers, which rad hardly are, -4 to 4 were taken as rad" in note
     assert note.endswith("use position=q:deg, if counts of 4096 a turn, position=q*0.00153398")
     assert not [one for one in read(saved(tmp_path / "y.csv", "t,q,tau", 4 * SWING, SWING)).notes if "no unit" in one]
+
+
+@pytest.mark.parametrize(("unit", "si"), [("mm", "N"), ("deg", "N m")])
+def test_what_drives_an_axis_along_a_line_is_a_force(unit: str, si: str, tmp_path: Path) -> None:
+    """Columns without names: of a piston the drive was called a torque in N m."""
+    path = saved(tmp_path / "x.csv", "t,a,b", 60 * SWING, SWING)
+    found = read(path, f"position=a:{unit}", "torque=b")
+    assert [one.si for one in found.columns if one.column == "torque"] == [si]
+    assert found.recording.unit("torque") == si
+    assert [one.si for one in read(path, f"position=a:{unit}", "torque=b:N cm").columns][1] == "N m"
