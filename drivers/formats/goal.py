@@ -19,6 +19,8 @@ angle, its speed and its acceleration explain.  Of three sweeps of a motor with 
 that a voltage drives -0.4 and 0.0, of 0.96."""
 SHARE, LEAST = 100, 5
 """the window is this part of the recording, and of so many samples at least"""
+MOST = 20_000
+"""values that are looked at: means of more, as the time of a convolution grows with the square"""
 
 Part = tuple[FloatArray, FloatArray]
 
@@ -49,6 +51,7 @@ def follows(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:
     """The gain by which an angle (N,) follows a goal (N,): c of goal = c angle + its speed and acceleration, each by a
     factor, + a constant, all weighted by the same smooth window, so that no noise is differentiated.  0 where this
     does not explain the goal."""
+    times, goal, angle = (_thinned(values) for values in (times, goal, angle))
     width = max(goal.size // SHARE, LEAST)
     if goal.size < 4 * width or not (np.ptp(goal) > 0 and np.ptp(angle) > 0):
         return 0.0
@@ -65,3 +68,9 @@ def follows(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:
     factors = np.linalg.lstsq(columns / size, smooth, rcond=None)[0]
     left = smooth - columns / size @ factors
     return float(factors[0] / size[0]) if float(left @ left) < (1 - EXPLAINED) * float(smooth @ smooth) else 0.0
+
+
+def _thinned(values: FloatArray) -> FloatArray:
+    """The means of as many neighbours as make these (N,) few enough."""
+    every = -(-values.size // MOST)
+    return values[: values.size // every * every].reshape(-1, every).mean(axis=1) if every > 1 else values

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from lostmotion.drivers.formats.goal import follows
 from tests.drivers.test_formats import read
@@ -68,6 +70,27 @@ def test_what_drives_no_joint_or_another_one_is_not_told(topic: str, tmp_path: P
     assert not [one for one in found.notes if "drives it" in one]
 
 
+def test_a_bag_holds_a_command_as_a_table_does(tmp_path: Path) -> None:
+    """A topic has times of its own, of receipt: the readings are at the same times with and without the command."""
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("x", "jsonschema", b"{}")
+        states = writer.register_channel("/states", "json", schema)
+        command = writer.register_channel("/effort_control", "json", schema)
+        logged = [(round(t * 1e9), states, {"position": q}) for t, q in zip(T, ANGLE, strict=True)]
+        logged += [(round(t * 1e9), command, {"data": value}) for t, value in SENT.items()]
+        for at, channel, value in sorted(logged, key=lambda one: one[:2]):
+            writer.add_message(channel, 10**18 + at, json.dumps(value).encode(), 10**18 + at)
+        writer.finish()
+    found = read(path, "torque=/effort_control.data").recording
+    np.testing.assert_allclose(found.columns["position"], ANGLE)
+    time, torque = found.signal("torque")
+    np.testing.assert_allclose(torque, np.where(time < 2.5001, 2.0, -1.0))
+    assert time[0] == pytest.approx(1.002)
+
+
 def driven(by_goal: bool) -> tuple[np.ndarray, np.ndarray]:
     """A sweep and the angle of a motor, held at it by a controller, or with it as the voltage."""
     u = 50 * np.sin(2 * np.pi * (0.5 * T + 0.4 * T**2))
@@ -90,6 +113,8 @@ def test_an_input_that_the_angle_follows_is_told_as_a_goal(tmp_path: Path) -> No
         assert len(notes) == by_goal
     assert abs(follows(T, *driven(True)) - 1) < 0.1
     assert follows(T, u, np.zeros_like(u)) == 0
+    often = np.linspace(T[0], T[-1], 50_000)
+    assert abs(follows(often, *(np.interp(often, T, each) for each in driven(True))) - 1) < 0.1
 
 
 def test_the_note_of_a_goal_says_what_to_type(tmp_path: Path) -> None:
