@@ -89,11 +89,10 @@ def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[s
     if np.abs(values).max() < MANY_TURNS and not is_whole:
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"
-    option = f"{one.column}={shown(one.series)}"
-    counts = f", if counts of 4096 a turn, {option}*{pi / 2048:.8f}" if is_whole else ""
+    degrees, counts = (mapped(one.column, one.series, each) for each in (":deg", f"*{pi / 2048:.8f}"))
     what = "whole numbers, which rad hardly are, " if is_whole else ""
     said = f"{one.column}: no unit is given, and {what}{span} were taken as rad"
-    return [f"{said}; if they are degrees, use {option}:deg{counts}"]
+    return [f"{said}; if they are degrees, use {degrees}{f', if counts of 4096 a turn, {counts}' * is_whole}"]
 
 
 def _are_whole(values: FloatArray) -> bool:

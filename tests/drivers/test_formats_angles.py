@@ -65,7 +65,7 @@ def test_whole_numbers_over_a_turn_are_doubted(tmp_path: Path) -> None:
     found = read(saved(tmp_path / "x.csv", "t,q,tau", np.rint(4 * SWING), SWING))
     (note,) = [one for one in found.notes if "no unit is given" in one]
     assert "whole numbers, which rad hardly are, -4 to 4 were taken as rad" in note
-    assert note.endswith("use position=q:deg, if counts of 4096 a turn, position=q*0.00153398")
+    assert note.endswith("use --map position=q:deg, if counts of 4096 a turn, --map 'position=q*0.00153398'")
     assert not [one for one in read(saved(tmp_path / "y.csv", "t,q,tau", 4 * SWING, SWING)).notes if "no unit" in one]
 
 
