@@ -123,7 +123,8 @@ class Fit(Displayed):
 
 @dataclass(frozen=True)
 class Ranked:
-    """An effect that was tried: errors on unseen data without and with it, and its p-value."""
+    """An effect that was tried: errors on unseen data without and with it, and its p-value.  is_identified: whether the
+    interval of its size excludes zero, and its estimates agree with its definition, where the effect is significant."""
 
     effect: str
     rms_before: float
@@ -131,6 +132,7 @@ class Ranked:
     p_value: float
     parameters: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """value, low, high (95 %) of each of its parameters."""
+    is_identified: bool = True
 
     def document(self) -> dict[str, Any]:
         """One entry of ``ranking``."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
@@ -53,6 +53,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         beyond = "" if explanation.untried else " that no effect of the catalogue explains"
         sentences.append(f"Something more is missing{beyond}.")
         sentences += of_finding(found)
+    sentences += _unidentified(explanation)
     sentences += _on_unseen_samples(explanation)
     sentences += [_held(one) for one in explanation.held]
     sentences += _unused(explanation)
@@ -69,6 +70,23 @@ def _named(effect: str, explanation: Explanation) -> str:
     if not alike:
         return sentence
     return f"{sentence} These recordings do not distinguish it from {joined(alike)}."
+
+
+def _unidentified(explanation: Explanation) -> list[str]:
+    """A sentence on the best effect that leaves less than what is named, and is not named itself as it is not
+    identified."""
+    error = explanation.error
+    less = [
+        one
+        for one in explanation.ranking
+        if not one.is_identified and one.p_value < policy.FALSE_NAME and one.effect not in explanation.missing
+        and one.rms_after**2 < (1 - policy.LEAST_GAIN) * error.after**2
+    ]  # fmt: skip
+    if not less:
+        return []
+    best = min(less, key=lambda one: one.rms_after)
+    said = f"{words.name(best.effect).capitalize()} alone would leave {quantity(best.rms_after, error.unit, 2)}"
+    return [f"{said}, but is not named: its size may be zero, or its estimates are not those of this effect."]
 
 
 def _on_unseen_samples(explanation: Explanation) -> list[str]:

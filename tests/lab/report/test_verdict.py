@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from lostmotion.lab.report import verdict
+from lostmotion.lab.results import Ranked
 from tests.lab import report_example
 
 RUBS = (
@@ -94,3 +97,14 @@ def test_lists_in_words() -> None:
     """None, one, two and three names."""
     lists = ([], ["a"], ["a", "b"], ["a", "b", "c"])
     assert [verdict.joined(names) for names in lists] == ["", "a", "a and b", "a, b and c"]
+
+
+@pytest.mark.parametrize(
+    ("left", "is_identified", "is_told"), [(0.2, False, True), (0.2, True, False), (0.5, False, False)]
+)
+def test_an_effect_that_leaves_less_and_is_not_named_is_told(left: float, is_identified: bool, is_told: bool) -> None:
+    """A second resonance halves what is left beside the friction that is named, but its size may be zero."""
+    given = report_example.explanation()
+    other = Ranked("second_mode", given.error.before, left, 1e-6, is_identified=is_identified)
+    said = " ".join(verdict.of_explanation(replace(given, ranking=(*given.ranking, other))))
+    assert ("A second resonance of the bar alone would leave 0.20 m/s², but is not named" in said) is is_told
