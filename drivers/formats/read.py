@@ -143,6 +143,7 @@ def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples)
     if samples.start is not None:
         metadata["start"] = samples.start
     metadata["imported"] = {"format": kind, **{one.column: _plain(one.series) for one in chosen}}
+    metadata["imported"] |= {f"{one.column}_given": True for one in chosen if one.why == "given"}
     metadata["imported"] |= {f"{one.column}_assumed": one.unit for one in chosen if one.why.endswith(ASSUMED)}
     return metadata | {f"{one.column}_unit": one.si for one in chosen if one.si != COLUMN_UNITS[one.column]}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,8 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
 def _without_second_derivative(recording: Recording) -> Recording:
     """The recording with its position as the displacement of an oscillator, instead of an acceleration that is how
     fast the position's speed changes, in m/s² for m: a logger that derives it adds noise.  A warning reports it."""
-    if is_sampled(recording, "displacement") or not all(is_sampled(recording, name) for name in ("position", "accel")):
+    is_chosen = is_sampled(recording, "displacement") or _imported(recording).get("accel_given", False)
+    if is_chosen or not all(is_sampled(recording, name) for name in ("position", "accel")):
         return recording
     position, accel = (recording.columns[name] for name in ("position", "accel"))
     rows = np.isfinite(position) & np.isfinite(accel)
@@ -65,7 +67,7 @@ def _without_second_derivative(recording: Recording) -> Recording:
         return recording
     log.warning(
         "%s: accel is the second derivative of position, in m/s^2 for m: the position is taken for the displacement, "
-        "and accel is left out; --map position= uses accel instead", recording.name,
+        "and accel is left out; --map accel=SERIES uses that instead", recording.name,
     )  # fmt: skip
     columns = {name: values for name, values in recording.columns.items() if name not in ("position", "accel")}
     return replace(recording, columns={**columns, "displacement": position})
@@ -91,9 +93,14 @@ def _is_second_derivative(times: FloatArray, values: FloatArray, second: FloatAr
 
 def _assumed(recording: Recording) -> str:
     """The series of a position that was read in degrees only because no pendulum swings so far in rad; "" for none."""
-    imported = recording.metadata.get("imported", {})
-    is_table = isinstance(imported, Mapping)
-    return str(imported.get("position", "SERIES")) if is_table and imported.get("position_assumed") == "deg" else ""
+    imported = _imported(recording)
+    return str(imported.get("position", "SERIES")) if imported.get("position_assumed") == "deg" else ""
+
+
+def _imported(recording: Recording) -> Mapping[str, Any]:
+    """What is known of the columns of another program's recording."""
+    found = recording.metadata.get("imported", {})
+    return found if isinstance(found, Mapping) else {}
 
 
 def is_sampled(recording: Recording, column: str) -> bool:

@@ -295,6 +295,9 @@ def test_an_acceleration_that_a_logger_derives_gives_way_to_its_position(caplog:
     for other in (2 * derived, np.cos(30 * times)):
         (one,) = experiments(build_model("oscillator"), [Recording(times, {**columns, "accel": other}, name="q.csv")])
         assert list(one.measured) == ["accel"]
+    chosen = {"imported": {"accel": "Acceleration", "accel_given": True}}
+    (one,) = experiments(build_model("oscillator"), [Recording(times, columns, chosen, name="r.csv")])
+    assert list(one.measured) == ["accel"]
 
 
 def test_an_oscillator_takes_no_number_for_degrees(caplog: pytest.LogCaptureFixture) -> None:
