@@ -41,8 +41,8 @@ __all__ = [
     "refined",
     "resolved",
     "sizes_of",
-    "starts",
     "tried",
+    "with_values",
 ]
 
 STARTS = 3
@@ -56,14 +56,6 @@ SHORT, LONG = 7, 150
 """Steps of the first fit of an effect to a simulated motion, and of the one that finishes it.  A servo behind a lag has
 three poles, which are equal on the way from three real ones to a pair that swings: with 60 steps a fit ended there, at
 1.3 times the noise, and a delay was named in the place of the lag.  Of 300 fits to simulated servos 11 take more."""
-
-
-def starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
-    """The initial models for a fit to a simulated motion: the model as it is, and with the values of its fit to the
-    acceleration."""
-    model = simulable(model, signals)
-    found = by_acceleration(model, signals)
-    return [model, _with_values(model, found.model)] if found else [model]
 
 
 def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | None:
@@ -157,7 +149,7 @@ def fitted_by_acceleration(wide: tuple[str, Model], inverse: Regression) -> Regr
     name, model = wide
     if not _follow_motion(model):
         return None
-    begun = _with_values(softened(model, inverse.data.signals), inverse.model)
+    begun = with_values(softened(model, inverse.data.signals), inverse.model)
     return _fitted_from_guesses(name, begun, inverse)
 
 
@@ -186,7 +178,7 @@ def _fitted_from_acceleration(
     if not begun or is_over():
         return None
     own = {full: p.value for full, p in begun.model.parameters.items() if full.startswith(f"{name}.")}
-    start = _not_vanished(_with_values(wide, begun.model).replace(own), now.model)
+    start = _not_vanished(with_values(wide, begun.model).replace(own), now.model)
     data = data.suited([start])
     return tried(start, data.horizons, data.begun(start, now.data.nuisance), SHORT)
 
@@ -212,7 +204,7 @@ def _follow_motion(model: Model) -> bool:
     return all(follows_motion(get_effect(name)) for name in model.effects)
 
 
-def _with_values(model: Model, other: Model) -> Model:
+def with_values(model: Model, other: Model) -> Model:
     """The model with the values of those free parameters that another one shares with it."""
     names = set(free_names(model)) & set(free_names(other))
     return model.replace({name: other.parameters[name].value for name in names})

@@ -32,10 +32,9 @@ from lostmotion.lab.inverse.candidates import (
     fitted_with,
     refined,
     resolved,
-    starts,
-    tried,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, exceeds_noise, is_sized, uncertainty
+from lostmotion.lab.inverse.first_fits import first_fits
 from lostmotion.lab.inverse.first_values import turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
@@ -160,8 +159,7 @@ class WholeMotion:
     def first(self) -> Fitted:
         """The fit of the model as it is."""
         if self.method is Method.MOTION:
-            begun = [(start, OutputError.of(self.signals, start)) for start in starts(self.model, self.signals)]
-            fits = [fit for start, data in _promising(begun) if (fit := tried(start, data.horizons, data.nuisance))]
+            fits = first_fits(self.model, self.signals)
             if not fits:
                 raise ModelError("the motion cannot be simulated with the first values of the parameters")
             best = refined(min(fits, key=lambda one: one.rms))
@@ -334,16 +332,6 @@ def _of_new(fit: Regression, block: NDArray[np.intp]) -> float:
     own = fit.nuisance.size if isinstance(fit.data, OutputError) else 0
     many = max(min(policy.BLOCK_CORRELATIONS * (int(block.max()) + 1), block.size), own + 1)
     return (many + own) / (many - own)
-
-
-def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:
-    """The initial models whose error is smaller than that of a model at rest, or all where there are none.  Others only
-    take time: a bar that is far too stiff is simulated in far too many steps."""
-    near = [
-        (start, data) for start, data in begun
-        if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
-    ]  # fmt: skip
-    return near or begun
 
 
 def _with_load(model: Model, signals: Sequence[Signals], nuisance: FloatArray | None = None) -> Regression:

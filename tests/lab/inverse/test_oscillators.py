@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.integrate import solve_ivp
 
 from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording
@@ -22,6 +23,7 @@ from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
 from tests.lab.inverse.test_inverse import explained
 
 HZ, MASS, RUBBING_N = 3.0, 0.5, 0.35
@@ -141,3 +143,23 @@ def test_a_ripple_faster_than_the_band_is_no_candidate(speed: float, is_seen: bo
     assert _covers("torque_ripple", ripple, InverseModel.of([signals], model)) is is_seen
     once = ripple.replace({"torque_ripple.N": 1.0})  # the law of a weight, which an arm has rather
     assert _covers("torque_ripple", once, InverseModel.of([signals], model)) is not is_seen
+
+
+@pytest.mark.slow
+def test_a_soft_spring_whose_model_has_the_cubic_of_a_stiff_one(tmp_path: Path) -> None:
+    """The catalogue's cubic spring, which was only added to the model, throws a mass of 0.2 kg on a spring of 15 N/m,
+    whose place is measured from somewhere else, beyond all numbers.  The fit begins without it, and follows."""
+
+    def swings(seed: int) -> Recording:
+        def slope(t: float, x: FloatArray) -> list[float]:
+            return [x[1], -(15.0 * x[0] + 0.01 * x[1]) / 0.2]
+
+        time = np.arange(0.0, 20.0, 0.02)
+        place = solve_ivp(slope, (0.0, 20.0), [0.05 + 0.01 * seed, 0.0], "LSODA", time, rtol=1e-9, atol=1e-12).y[0]
+        noise = 1e-4 * np.random.default_rng(seed).standard_normal(time.size)
+        return Recording(time, {"displacement": 0.37 + place + noise}, name=f"{seed}.csv")
+
+    model = 'base = "oscillator"\neffects = ["hardening_spring"]\n[parameters]\nm = { value = 0.2, fixed = true }\n'
+    answer = explained(tmp_path, model, [swings(1), swings(2), swings(3)])
+    assert answer["missing"] == []
+    assert answer["error"]["before"] < 3e-4

@@ -1,0 +1,64 @@
+"""The fits of a model as it is to a motion that is simulated, from several initial values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import reduce
+
+import numpy as np
+
+from lostmotion.lab.inverse.candidates import by_acceleration, tried, with_values
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.regression import Regression
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.inverse.torques import simulable
+from lostmotion.lab.selection.nesting import without
+from lostmotion.model import Model, ModelError
+from lostmotion.model.effects import get_effect
+
+__all__ = ["first_fits"]
+
+
+def first_fits(model: Model, signals: Sequence[Signals]) -> list[Regression]:
+    """The fits from the model as it is and from its fit to the acceleration; where the motion cannot be simulated with
+    these, from the fits of the model without its effects, with effects of size zero.  The cubic spring of a stiff bar
+    throws a disk on a spring of 15 N/m beyond all numbers."""
+    found = _fits(_starts(model, signals), signals)
+    if found or not model.effects:
+        return found
+    bare = reduce(without, model.effects, model)
+    return _fits([_vanishing(model, fit.model) for fit in _fits(_starts(bare, signals), signals)], signals)
+
+
+def _starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
+    """The model as it is, and with the values of its fit to the acceleration."""
+    model = simulable(model, signals)
+    found = by_acceleration(model, signals)
+    return [model, with_values(model, found.model)] if found else [model]
+
+
+def _vanishing(model: Model, bare: Model) -> Model:
+    """The model with the values of one without effects, and with sizes of zero of its own."""
+    names = [f"{effect}.{name}" for effect in model.effects for name in get_effect(effect).amplitudes]
+    zero = {name: 0.0 for name in names if not (p := model.parameters[name]).fixed and p.low <= 0.0}
+    return with_values(model, bare).replace(zero)
+
+
+def _fits(models: Sequence[Model], signals: Sequence[Signals]) -> list[Regression]:
+    """The fits from those models with which the motion can be simulated."""
+    begun = []
+    for model in models:
+        with suppress(ModelError):
+            begun.append((model, OutputError.of(signals, model)))
+    return [fit for start, data in _promising(begun) if (fit := tried(start, data.horizons, data.nuisance))]
+
+
+def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:
+    """The initial models whose error is smaller than that of a model at rest, or all where there are none.  Others only
+    take time: a bar that is far too stiff is simulated in far too many steps."""
+    near = [
+        (start, data) for start, data in begun
+        if np.mean(data.residual(start, data.nuisance) ** 2) < data.error_at_rest**2
+    ]  # fmt: skip
+    return near or begun
