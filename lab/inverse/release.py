@@ -119,7 +119,8 @@ def _free_part(signals: Signals) -> _FreePart:
     if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
         release, acts_again = _by_acceleration(signals, motion)
     begins, ends = motion.whole.start, motion.whole.stop
-    if begins > TURNING * motion.period or _is_held(motion.readings[: 2 * begins]):
+    is_held = signals.column != ACCEL and _is_held(motion.readings[: 2 * begins])
+    if begins > TURNING * motion.period or is_held:
         release = max(release, begins + (motion.period // 2 if signals.column == ACCEL else 0))
     is_angle = signals.column == "position" and not signals.experiment.is_linear
     if is_angle and _gains_speed(signals.position[max(begins, release) : ends]):
