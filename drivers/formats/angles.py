@@ -12,7 +12,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.commands import unused
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, mapped, speeds_told
 from lostmotion.drivers.formats.motion import SWINGS, crossings
-from lostmotion.drivers.formats.source import Series, shown
+from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import is_angle
 from lostmotion.drivers.units import MANY_TURNS
 
@@ -24,8 +24,6 @@ ANGLES = ("command", "position")
 DEGREE = np.pi / 180
 COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
-
-Part = tuple[FloatArray, FloatArray]
 
 
 def in_degrees(
@@ -44,13 +42,11 @@ def in_degrees(
         why = "as a servo with a goal does not turn so often"
         notes.append(f"command, position: no unit is given; taken as deg, {why}; else use {rad}")
         angles = {*ANGLES}
-    degrees = [DEGREE if one.column in angles else 1.0 for one in chosen]
-    kept = [
-        replace(one, unit="deg", factor=DEGREE, why=one.why + reason) if one.column in angles else one for one in chosen
-    ]
-    turned = [
-        (times, by * values) if by != 1 else (times, values) for (times, values), by in zip(parts, degrees, strict=True)
-    ]
+    kept, turned = list(chosen), list(parts)
+    for at, (one, (times, values)) in enumerate(zip(chosen, parts, strict=True)):
+        if one.column in angles:
+            kept[at] = replace(one, unit="deg", factor=DEGREE, why=one.why + reason)
+            turned[at] = times, DEGREE * values
     return kept, turned, notes
 
 

@@ -6,18 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, mapped
-from lostmotion.drivers.formats.source import Series, shown
+from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, without_joint
 
 __all__ = ["held", "unused"]
 
 RARE = 0.1
-"""messages of a command for each of the readings, below which the drive holds a value until the next one"""
+"""messages of a command for each of the readings, below which the drive holds a value until the next one: of nine
+recordings of a motor six have at most 0.0013, which changes a few times, and three, which follow a sine, 1.2"""
 POWERS = DRIVES - {"command"}
-
-Part = tuple[FloatArray, FloatArray]
 
 
 def held(chosen: Sequence[Chosen], parts: Sequence[Part]) -> tuple[list[Part], list[str]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, mapped
-from lostmotion.drivers.formats.source import Series, shown
+from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import SPEED_LETTER, column_of, is_time
 
 __all__ = ["follows", "goals"]
@@ -18,11 +18,11 @@ NEAR, EXPLAINED = 0.1, 0.8
 angle, its speed and its acceleration explain.  Of three sweeps of a motor with a bar gains are 0.99, of 0.82; of motors
 that a voltage drives -0.4 and 0.0, of 0.96."""
 SHARE, LEAST = 100, 5
-"""the window is this part of the recording, and of so many samples at least"""
+"""The window is this part of the recording, and of so many samples at least.  With half and twice the window the three
+sweeps are not explained, and of a sine at 5 Hz the gain is 0.86 and 0.87: the note misses goals, and has called no
+voltage of a motor a goal."""
 MOST = 20_000
 """values that are looked at: means of more, as the time of a convolution grows with the square"""
-
-Part = tuple[FloatArray, FloatArray]
 
 
 def goals(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series]) -> list[str]:

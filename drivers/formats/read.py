@@ -19,7 +19,7 @@ from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
-from lostmotion.drivers.formats.source import Choice, Samples, shown
+from lostmotion.drivers.formats.source import Choice, Part, Samples, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
@@ -123,9 +123,7 @@ def _offset(speed: FloatArray) -> float:
     return sum(means) / 2 if is_same and crossings(speed) >= 2 * SWINGS else 0.0
 
 
-def _merged(
-    chosen: Sequence[Chosen], parts: Sequence[tuple[FloatArray, FloatArray]]
-) -> tuple[FloatArray, dict[str, FloatArray]]:
+def _merged(chosen: Sequence[Chosen], parts: Sequence[Part]) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Rows in time order; columns that were sampled together stay together."""
     sources: dict[int, tuple[FloatArray, dict[str, FloatArray]]] = {}
     for one, (times, values) in zip(chosen, parts, strict=True):

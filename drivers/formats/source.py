@@ -15,6 +15,7 @@ __all__ = [
     "MOST_SERIES",
     "MOST_VALUES",
     "Choice",
+    "Part",
     "Samples",
     "Series",
     "Source",
@@ -33,6 +34,9 @@ DATE = "date"
 """the unit of a series of dates or times of day, which is a time whatever its name"""
 LONGEST_NAME = 120
 """characters of a series, in messages"""
+
+Part = tuple[FloatArray, FloatArray]
+"""times [s] and values of a series, (N,) each"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +85,7 @@ class Samples:
     metadata: those in the file.
     """
 
-    values: Mapping[str, tuple[FloatArray, FloatArray]]
+    values: Mapping[str, Part]
     clock: str
     start: datetime | None = None
     notes: Sequence[str] = ()

@@ -42,9 +42,10 @@ LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 RULER = re.compile(r"[\s+|]*[-=]{3}[-=+|\s]*")
 """a line below the header, drawn with signs"""
-MATRIX = re.compile(r"^\s*(?:\w+\s*=\s*)?\[|[\];]\s*$")
 OPENED = re.compile(r"^\s*(?:\w+\s*=\s*)?\[")
 """how a matrix begins"""
+MATRIX = re.compile(rf"{OPENED.pattern}|[\];]\s*$")
+"""how its first row begins, or any of its rows ends"""
 NAME = re.compile(r"[^\s(\[]\S*(?:\s*[(\[][^)\]]*[)\]])?")
 """among names that blanks separate, one with its unit in brackets"""
 
@@ -246,7 +247,8 @@ def _separator(line: str) -> str:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    line = _without_signs(line, separator) if MATRIX.search(line) else line
+    if ("[" in line or "]" in line or ";" in line) and MATRIX.search(line):  # most rows have none of these
+        line = _without_signs(line, separator)
     if separator == " ":
         return line.split()
     if '"' not in line:

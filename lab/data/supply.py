@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.data.stand_ins import imported_columns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -35,7 +36,7 @@ def is_of_motor(voltage: FloatArray) -> bool:
 def supplied(recording: Recording) -> tuple[str, str]:
     """Why a voltage is not taken for the motor's, for a message, and the series that it was, "SERIES" where unknown."""
     why = f", which is never below {SUPPLIES} of its largest value, as that of a supply"
-    return why, str(recording.metadata.get("imported", {}).get("voltage", "SERIES"))
+    return why, str(imported_columns(recording).get("voltage", "SERIES"))
 
 
 def of_voltage(model: Model, recording: Recording) -> dict[str, float]:

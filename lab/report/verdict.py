@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lostmotion.lab import policy, words
+from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
@@ -73,19 +73,12 @@ def _named(effect: str, explanation: Explanation) -> str:
 
 
 def _unidentified(explanation: Explanation) -> list[str]:
-    """A sentence on the best effect that leaves less than what is named, and is not named itself as it is not
-    identified."""
-    error = explanation.error
-    less = [
-        one
-        for one in explanation.ranking
-        if not one.is_identified and one.p_value < policy.FALSE_NAME and one.effect not in explanation.missing
-        and one.rms_after**2 < (1 - policy.LEAST_GAIN) * error.after**2
-    ]  # fmt: skip
-    if not less:
+    """A sentence on the best effect that leaves less than what is named, and is not identified."""
+    best = min(explanation.unidentified, key=lambda one: one.rms_after, default=None)
+    if best is None:
         return []
-    best = min(less, key=lambda one: one.rms_after)
-    said = f"{words.name(best.effect).capitalize()} alone would leave {quantity(best.rms_after, error.unit, 2)}"
+    left = quantity(best.rms_after, explanation.error.unit, 2)
+    said = f"{words.name(best.effect).capitalize()} alone would leave {left}"
     return [f"{said}, but is not named: its size may be zero, or its estimates are not those of this effect."]
 
 

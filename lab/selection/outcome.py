@@ -61,11 +61,10 @@ def ranking(
         own = [e for e in found if e.name.startswith(f"{one.effect}.")]
         return {e.name.removeprefix(f"{one.effect}."): (e.value, e.low, e.high) for e in own}
 
-    def entry(one: Candidate[F]) -> Ranked:
-        p_value, is_identified = added.get(one.effect, one.p_value), one.is_identified or one.gain <= one.least_gain
-        return Ranked(one.effect, before, error(one), p_value, values(one), is_identified)
-
-    ranked = [entry(one) for one in first.judged]
+    ranked = [
+        Ranked(one.effect, before, error(one), added.get(one.effect, one.p_value), values(one), one.is_identified)
+        for one in first.judged
+    ]
     fitted = {one.effect for one in ranked}
     return (*ranked, *(Ranked(name, before, before, 1.0) for name in first.rejected if name not in fitted))
 
