@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["cpu_seconds", "memory_mb", "run_command", "waits", "windows"]
+__all__ = ["children", "cpu_seconds", "memory_mb", "run_command", "run_on", "waits", "windows"]
 
 
 def run_command(config: Path) -> list[str]:
@@ -19,6 +21,24 @@ def cpu_seconds(pid: int) -> float:
     """User and system time that a process has used [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def children() -> set[int]:
+    """The processes that this one has started, and that have not ended."""
+    own, found = str(os.getpid()), set()
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended
+            if (folder / "stat").read_text().rsplit(")", 1)[1].split()[1] == own:
+                found.add(int(folder.name))
+    return found
+
+
+def run_on(core: int, processes: Iterable[int]) -> None:
+    """Moves processes with all their threads to a core."""
+    for pid in processes:
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            with suppress(OSError):
+                os.sched_setaffinity(int(thread.name), {core})
 
 
 def waits(pid: int) -> int:

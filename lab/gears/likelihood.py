@@ -35,7 +35,7 @@ from lostmotion.lab.gears.trials import (
 from lostmotion.lab.gears.unseen import Unseen, Validation, compared
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals
-from lostmotion.lab.selection.nesting import in_place, others, without
+from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.segment import residuals
 from lostmotion.lab.shooting.task import Task
@@ -222,26 +222,9 @@ class ShortSegments:
         sizes = np.array([r.size for r in parts[0]])
         return fits[int(np.argmin((errors[:, is_followed] ** 2) @ sizes[is_followed]))]
 
-    def without(self, effect: str, fit: SegmentFit) -> SegmentFit:
-        """The fit of the model without one of its effects, from the initial states of the fit with it.  It is grown to
-        longer segments only where its error is less than ``policy.BEHIND`` times that with the effect.  A part of the
-        model as it is that the effect replaced is back."""
-        part = self._own_part(effect)
-        return self._refitted(in_place(fit.model, effect, part) if part else without(fit.model, effect), fit)
-
-    def simplified(self, effect: str, fit: SegmentFit) -> SegmentFit | None:
-        """The same with the simpler law that is a part of an effect in its place; None where there is none, or where
-        the fit without the effect has it."""
-        part = None if self._own_part(effect) else get_effect(effect).simpler
-        return self._refitted(in_place(fit.model, effect, part.effect), fit) if part else None
-
-    def _own_part(self, effect: str) -> str:
-        """The effect of the model as it is that is a part of another one, which took its place; "" for none."""
-        part = get_effect(effect).simpler
-        return part.effect if part and part.effect in self.short.model.effects else ""
-
-    def _refitted(self, model: Model, fit: SegmentFit) -> SegmentFit:
-        """The fit of a model with less than another one, from its initial states."""
+    def refitted(self, model: Model, fit: SegmentFit) -> SegmentFit:
+        """The fit of a model with less than another one, from its initial states.  It is grown to longer segments only
+        where its error is less than ``policy.BEHIND`` times that with more."""
         short = repaired_trial("", model, fit.level, self.task).level
         is_behind = short.typical > policy.BEHIND * max(fit.level.typical, 1.0)
         level = short if is_behind else grown(short, self.task)

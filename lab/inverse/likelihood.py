@@ -221,19 +221,17 @@ class WholeMotion:
             return Fitted(judged, judged)
         return self._fitted(_with_load(fit.model, self.signals, fit.inverse.nuisance))
 
-    def without(self, effect: str, fit: Fitted) -> Fitted:
-        """The fit of the model without one of its effects, from the present values."""
-        model, data, nuisance = without(fit.model, effect), fit.inverse.data, fit.inverse.nuisance
+    def refitted(self, model: Model, fit: Fitted) -> Fitted:
+        """The fit of a model with less than another one, from its values."""
+        data, nuisance = fit.inverse.data, fit.inverse.nuisance
         if not isinstance(data, OutputError):
             return self._fitted(_with_load(model, self.signals, nuisance))
-        if get_effect(effect).rests_by and not self.is_driven:  # the constant torque may stand for it
+        gone = (get_effect(name) for name in fit.model.effects if name not in model.effects)
+        if not self.is_driven and any(effect.rests_by for effect in gone):  # the constant torque may stand for it
             model = with_free_states(model.replace({"bias": self.model.parameters["bias"]}))
         data, nuisance = data.trimmed(model, nuisance)
         less = regressed(model, data, nuisance, SHORT)
         return self._fitted(less if less.rms > policy.BEHIND * fit.rms else refined(less))
-
-    def simplified(self, effect: str, fit: Fitted) -> None:
-        """None: the simpler of two nested laws is a candidate first."""
 
     def _fitted(self, inverse: Regression) -> Fitted:
         """The model with its fit for predictions; inverse: the fit by which it was selected."""

@@ -29,6 +29,8 @@ from lostmotion.lab.selection.evidence import (
     shapes_tried,
     simplest,
 )
+from lostmotion.lab.selection.nesting import reduced, simplified
+from lostmotion.model import Model
 from lostmotion.model.effects.base import SHAFT_TURNS
 
 __all__ = ["Likelihood", "Proposals", "Selection", "Step", "named", "selected", "step"]
@@ -78,12 +80,8 @@ class Likelihood(Protocol[F]):
     def accepted(self, fit: F, now: F) -> F:
         """The fit with an effect that was accepted, from which the search goes on."""
 
-    def without(self, effect: str, fit: F) -> F:
-        """The fit without one of the effects."""
-
-    def simplified(self, effect: str, fit: F) -> F | None:
-        """The fit with the law in the place of an effect that is a part of it; None where there is none, or where the
-        simpler one is a candidate first."""
+    def refitted(self, model: Model, fit: F) -> F:
+        """The fit of a model with less than that of a fit, from its values."""
 
     def predictions(self, one: F, other: F, *, of_all: bool = False, is_last: bool = False) -> Predictions:
         """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice; is_last:
@@ -174,7 +172,8 @@ def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str
     """The effects that the steps added; one that is no longer in the model was replaced, by an effect without a step of
     its own, or by the last one, with the share that it explained."""
     new = (effect for effect in effects if effect not in own and effect not in labels)
-    return [label if label in effects else next(new, labels[-1]) for label in labels]
+    place = {label: label if label in effects else next(new, labels[-1]) for label in dict.fromkeys(labels)}
+    return [place[label] for label in labels]
 
 
 def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
@@ -289,30 +288,36 @@ def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]
     minimum.
     """
     fits, labels = list(found.fits), list(found.labels)
-    left, needed = list(found.added), list[str]()
+    first, left, needed = fits[0].model, list(found.added), list[str]()
+
+    def refitted(model: Model) -> F:
+        known = [one for one in own if {*one.model.effects} == {*model.effects}]
+        return min([likelihood.refitted(model, fits[-1]), *known], key=lambda one: one.rms)
+
     while left and not is_over():
         effect = left.pop(0)
-        now, less = fits[-1], likelihood.without(effect, fits[-1])
-        less = min(
-            [less, *(one for one in own if {*one.model.effects} == {*less.model.effects})], key=lambda one: one.rms
-        )
+        now, less = fits[-1], refitted(reduced(fits[-1].model, effect, first))
         others = [name for name in labels if name != effect]
         if not _is_needed(effect, less, now, likelihood) and are_consistent(less.model, others):
             fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]
             fits[-1], labels = less, others
             left, needed = [*left, *needed], []
-        elif (part := likelihood.simplified(effect, now)) and not _is_worse(part, now, likelihood):
+        elif (simple := simplified(now.model, effect, first)) and _is_enough(part := refitted(simple), now, likelihood):
             fits[-1] = part
-            labels = _relabelled(labels, fits[0].model.effects, part.model.effects)
+            labels = _relabelled(labels, first.effects, part.model.effects)
         else:
             needed.append(effect)
     return replace(found, fits=tuple(fits), labels=tuple(labels))
 
 
 def _is_needed(effect: str, less: F, now: F, likelihood: Likelihood[F]) -> bool:
-    """Whether a fit without an effect predicts worse, and the size of the effect is identified."""
-    is_worse = likelihood.is_sized(effect, now) and _is_worse(less, now, likelihood)
-    return is_worse and not _is_contradicted(less, now, likelihood)
+    """Whether a fit without an effect is not enough, and the size of the effect is identified."""
+    return likelihood.is_sized(effect, now) and not _is_enough(less, now, likelihood)
+
+
+def _is_enough(less: F, now: F, likelihood: Likelihood[F]) -> bool:
+    """Whether a fit with less predicts as well, or predicts the last recording significantly better."""
+    return not _is_worse(less, now, likelihood) or _is_contradicted(less, now, likelihood)
 
 
 def _is_worse(less: F, now: F, likelihood: Likelihood[F]) -> bool:

@@ -9,7 +9,18 @@ from lostmotion.model import Model, build_model, catalogue
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Simpler
 
-__all__ = ["around", "contained", "in_place", "merged", "others", "wider", "with_effects", "without"]
+__all__ = [
+    "around",
+    "contained",
+    "in_place",
+    "merged",
+    "others",
+    "reduced",
+    "simplified",
+    "wider",
+    "with_effects",
+    "without",
+]
 
 
 def around(model: Model) -> tuple[str, ...]:
@@ -62,6 +73,27 @@ def without(model: Model, effect: str) -> Model:
             own = {full: left.parameters[full] for full in (f"{whole}.{one}" for one in grown)}
             left = left.replace({full: min(p.value + size, p.high) for full, p in own.items()})
     return left
+
+
+def reduced(model: Model, effect: str, first: Model) -> Model:
+    """The model without an effect that a search added to the first one.  A law of the first model that the effect
+    contains, and that it replaced, is back."""
+    part = _own_part(effect, model, first)
+    return in_place(model, effect, part) if part else without(model, effect)
+
+
+def simplified(model: Model, effect: str, first: Model) -> Model | None:
+    """The model with the simpler law that an effect contains in its place; None where there is none, or where the model
+    has it, as ``reduced`` has."""
+    part = get_effect(effect).simpler
+    has_part = not part or part.effect in model.effects or _own_part(effect, model, first)
+    return None if has_part or not part else in_place(model, effect, part.effect)
+
+
+def _own_part(effect: str, model: Model, first: Model) -> str:
+    """The effect of the first model that is a part of another one, which took its place; "" for none."""
+    part = get_effect(effect).simpler
+    return part.effect if part and part.effect in first.effects and part.effect not in model.effects else ""
 
 
 def merged(model: Model) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.score_test import Direction, Scores
 from lostmotion.lab.gears.unseen import Unseen
 from lostmotion.lab.selection.forward import Selection, _eliminated
+from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.simulated_gears import GEARS, gears
@@ -155,23 +156,11 @@ def test_without_an_effect_a_fit_begins_where_it_ended_with_it() -> None:
     with ThreadPoolExecutor(2) as pool:
         likelihood = ShortSegments(level, Unseen(held[1], task, 0.25, pool))
         fit = SegmentFit(level, level, likelihood.unseen.validate(level.model), 1.0)
-        less, same = (likelihood.without(effect, fit) for effect in ("viscous_friction", "hardening_spring"))
+        less, same = (
+            likelihood.refitted(without(level.model, effect), fit)
+            for effect in ("viscous_friction", "hardening_spring")
+        )
     assert less.short.typical > 1.85 * level.typical
     assert less.level is less.short
     assert same.short.typical == pytest.approx(level.typical, rel=0.05)
     assert same.rms == pytest.approx(fit.rms, rel=0.05)
-
-
-@pytest.mark.parametrize(("own", "less", "part"), [
-    ((), (), ("coulomb_friction",)),
-    (("coulomb_friction",), ("coulomb_friction",), None),
-])  # fmt: skip
-def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(
-    own: tuple[str, ...], less: tuple[str, ...], part: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Without Stribeck friction the Coulomb friction of the file is there again, and is no simpler law to be named."""
-    monkeypatch.setattr(ShortSegments, "_refitted", lambda self, model, fit: model.effects)
-    likelihood = ShortSegments(cast(Any, SimpleNamespace(model=build_model("play", own))), cast(Any, None))
-    fit: Any = SimpleNamespace(model=build_model("play", ["stribeck_friction"]))
-    assert cast(Any, likelihood.without("stribeck_friction", fit)) == less
-    assert cast(Any, likelihood.simplified("stribeck_friction", fit)) == part

@@ -12,6 +12,7 @@ from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.selection.nesting import without
 from lostmotion.model import build_model
 
 
@@ -50,6 +51,6 @@ def test_a_friction_is_named_by_predictions_in_lasting_blocks() -> None:
     assert size.low < 0 < size.high
     likelihood = WholeMotion(Method.MOTION, fit.model, fit.data.signals)
     now = Fitted(fit, fit)
-    less = likelihood.without("viscous_friction", now)
+    less = likelihood.refitted(without(fit.model, "viscous_friction"), now)
     assert likelihood.predictions(less, now, is_last=True).block.max() + 1 == policy.LASTING_BLOCKS
     assert likelihood.predictions(less, now, is_last=True).p_value < policy.FALSE_NAME

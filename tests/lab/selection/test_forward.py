@@ -83,12 +83,9 @@ class Columns:
         """As it is."""
         return fit
 
-    def simplified(self, effect: str, fit: Regressed) -> None:
-        """No law of these is a part of another one."""
-
-    def without(self, effect: str, fit: Regressed) -> Regressed:
+    def refitted(self, model: Model, fit: Regressed) -> Regressed:
         """Fitted again."""
-        return self.fit([name for name in fit.model.effects if name != effect])
+        return self.fit(model.effects)
 
     def predictions(
         self, one: Regressed, other: Regressed, *, of_all: bool = False, is_last: bool = False
@@ -289,9 +286,9 @@ class Stuck(Columns):
     """A search that ends in a worse minimum where it begins without the second effect, which the last blocks do not
     show."""
 
-    def without(self, effect: str, fit: Regressed) -> Regressed:
+    def refitted(self, model: Model, fit: Regressed) -> Regressed:
         """In a worse minimum."""
-        return replace(less := super().without(effect, fit), left=less.left + 9.0)
+        return replace(less := super().refitted(model, fit), left=less.left + 9.0)
 
     def predictions(
         self, one: Regressed, other: Regressed, *, of_all: bool = False, is_last: bool = False
@@ -319,10 +316,6 @@ class Nested(Columns):
         """With Coulomb friction."""
         return self.fit([COULOMB])
 
-    def without(self, effect: str, fit: Regressed) -> Regressed:
-        """With Coulomb friction in the place of Stribeck friction."""
-        return self.fit([COULOMB if name == effect else name for name in fit.model.effects])
-
 
 @pytest.mark.parametrize("hidden", [COULOMB, STRIBECK])
 def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(hidden: str) -> None:
@@ -334,6 +327,30 @@ def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(hidden: st
     ended = _eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
     assert ended.fits[-1].model.effects == (hidden,)
     assert ended.added == ((STRIBECK,) if hidden == STRIBECK else ())
+
+
+class Sliding(Columns):
+    """A last recording that Stribeck friction predicts worse than Coulomb friction."""
+
+    def on_last(self, one: Regressed, other: Regressed) -> Predictions:
+        """Without friction it is predicted worst."""
+        rng = np.random.default_rng(96)
+        noise, block = rng.standard_normal(SAMPLES), np.arange(SAMPLES) // BLOCK
+        off = {(): 2.0, (COULOMB,): 0.0, (STRIBECK,): 1.0}
+        before, after = (np.asarray((noise + off[fit.model.effects]) ** 2) for fit in (one, other))
+        return Predictions(before, after, block)
+
+
+def test_a_law_gives_way_to_its_part_where_the_last_recording_contradicts_it() -> None:
+    """Stribeck friction took the place of Coulomb friction that the search had found, and predicts all but the last
+    recording better."""
+    rng = np.random.default_rng(98)
+    columns = {name: rng.standard_normal(SAMPLES) for name in (COULOMB, STRIBECK)}
+    search = Sliding(columns[COULOMB] + columns[STRIBECK] + 0.1 * rng.standard_normal(SAMPLES), columns)
+    fits = search.first, search.fit([COULOMB]), search.fit([STRIBECK])
+    ended = _eliminated(Selection(fits, (STRIBECK, STRIBECK), ()), search, fits)
+    assert ended.fits[-1].model.effects == (COULOMB,)
+    assert ended.added == (COULOMB,)
 
 
 class Moved(Columns):

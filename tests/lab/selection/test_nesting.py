@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lostmotion.lab.selection.nesting import merged, others, without
+from lostmotion.lab.selection.nesting import merged, others, reduced, simplified, without
 from lostmotion.model import build_model
 
 
@@ -31,3 +31,25 @@ def test_a_general_law_takes_over_the_part_beside_it() -> None:
     assert one.parameters["stribeck_friction.tau_c"].value == pytest.approx(3e-4)
     assert one.parameters["stribeck_friction.tau_s"].value == pytest.approx(5e-4)
     assert merged(one) is one
+
+
+@pytest.mark.parametrize(("own", "less", "part"), [
+    ((), (), ("coulomb_friction",)),
+    (("coulomb_friction",), ("coulomb_friction",), None),
+])  # fmt: skip
+def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(
+    own: tuple[str, ...], less: tuple[str, ...], part: tuple[str, ...] | None
+) -> None:
+    """Without Stribeck friction the Coulomb friction of the file is there again, and is no simpler law to be named."""
+    first, now = build_model("play", own), build_model("play", ["stribeck_friction"])
+    simple = simplified(now, "stribeck_friction", first)
+    assert reduced(now, "stribeck_friction", first).effects == less
+    assert (simple and simple.effects) == part
+
+
+def test_a_law_beside_its_own_part_has_no_simpler_one() -> None:
+    """Without Stribeck friction Coulomb friction, which the file has, stays as it is."""
+    first = build_model("joint", ["coulomb_friction"])
+    now = first.with_effect("stribeck_friction")
+    assert simplified(now, "stribeck_friction", first) is None
+    assert reduced(now, "stribeck_friction", first).effects == ("coulomb_friction",)
