@@ -308,12 +308,12 @@ def slopes_at(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, 
 
 @jitted
 def advance(
-    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, step: int, h: float,
+    m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, since: float, h: float,
     end: int,
 ) -> None:  # fmt: skip
-    """The step of this number after a knot, of the same length h [s] in the lanes 0 … end - 1; see ``_step``."""
+    """The step that begins so long after a knot, of the same length h [s] in the lanes 0 … end - 1; see ``_step``."""
     for k in range(end):
-        w.since[k], w.h[k] = step * h, h
+        w.since[k], w.h[k] = since, h
     if end == 1:
         rk4_of_one(m, w, c, left, x, k1, k4, y, 0)
     else:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lostmotion.model import HandWaved, ModelError, Parameter, Sampled, build_model, catalogue
 from lostmotion.model.base import Term
@@ -127,6 +128,24 @@ def test_command_delay() -> None:
     delayed = build_model("play", ["command_delay"], {"command_delay.T": 0.03}).simulate(MOTION, TIMES, substep_s=1e-4)
     assert delayed["accel"] == pytest.approx(plain["accel"], abs=1e-6)
     assert delayed["command"] == pytest.approx(MOTION.position(TIMES), abs=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.008, 0.016])
+def test_a_motion_is_continuous_in_the_delay(delay: float) -> None:
+    """Also where it is a whole number of integration steps: there differences over 10 ns
+    give the same derivative on both sides as those over 10 us, to 3 %.  Where each interval was cut into equal steps,
+    it was up to six times as large."""
+    times = np.arange(0.0, 1.001, 0.02)
+    command = Sampled(times, 0.2 * np.sin(7 * times))
+    model = build_model("servo", ["command_delay"])
+
+    def at(T: float) -> NDArray[np.float64]:
+        delayed = model.replace({"command_delay.T": T})
+        return delayed.simulate(command, times, [0.3, 2.0], substep_s=8e-3)["position"]
+
+    here = at(delay)
+    slopes = [np.linalg.norm(at(delay + step) - here) / abs(step) for step in (1e-8, -1e-8, 1e-5, -1e-5)]
+    assert slopes == pytest.approx([slopes[2]] * 4, rel=0.03)
 
 
 @pytest.mark.parametrize("skew", [0.02, -0.02])
