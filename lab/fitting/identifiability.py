@@ -2,13 +2,14 @@
 motion.
 
 The motion of a joint that swings freely, or of a bar that rings down, does not change if its inertia and all forces
-grow by the same factor.  The inertia is then held at its value, and forces are relative to it.  A shaft that coasts
-down turns in one direction, in which dry friction is a constant torque.  Every fit holds these parameters before it
-begins.
+grow by the same factor.  The inertia is then held at its value, and forces are relative to it.  A shaft that turns in
+one direction, as one that coasts down, has a dry friction that is a constant torque.  Every fit holds these parameters
+before it begins.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -23,7 +24,9 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "free_states", "is_onward", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "is_onward", "turns_one_way", "with_free_states", "with_scale"]
+
+log = logging.getLogger(__name__)
 
 PLACES, ONWARD = 100, 0.9
 """Number of samples of an angle, and the least share of the distance between them that leads onward: a shaft that turns
@@ -37,8 +40,8 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     is_driven = any(one.is_driven for one in experiments)
     if not is_driven:
         model = with_free_states(model)
-    if "bias" in model.parameters and not _is_bias_identified(model, experiments, is_driven):
-        model = held(model, ["bias"])
+    if "bias" in model.parameters and not _is_bias_identified(model, experiments):
+        model = _with_held_bias(model, experiments, is_driven)
     name = get_base(model.base).scale
     if is_driven or not name or model.parameters[name].fixed:
         return model, ()
@@ -47,31 +50,55 @@ def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, 
     return held(model, [name]), (scale,)
 
 
-def _is_bias_identified(model: Model, experiments: Sequence[Experiment], is_driven: bool) -> bool:
+def _with_held_bias(model: Model, experiments: Sequence[Experiment], is_driven: bool) -> Model:
+    """The model with its constant force held at its value.  Of a driven shaft a warning says what else may
+    be constant: it has a sensor or a motor whose torque may have an offset."""
+    bias = model.parameters["bias"]
+    if model.base == "joint" and is_driven and not bias.fixed:
+        log.warning(
+            "%s: the shaft turns in one direction, in which a constant torque acts as dry friction does; it is held "
+            "at %g, so that a load, or an offset of the torque, counts as dry friction",
+            experiments[0].name, bias.value,
+        )  # fmt: skip
+    return held(model, ["bias"])
+
+
+def _is_bias_identified(model: Model, experiments: Sequence[Experiment]) -> bool:
     """Whether these experiments distinguish the constant force of a base from all else.  An accelerometer does not feel
-    where a bar rests, and a shaft that coasts down in one direction is braked by a constant force as by dry friction.
-    The bias of an accelerometer is always distinguished."""
+    where a bar rests, and a shaft that turns in one direction is braked by a constant force as by dry friction.  The
+    bias of an accelerometer is always distinguished."""
     if model.parameters["bias"].unit == "m/s^2":
         return True
     if all(set(one.measured) == {ACCEL} for one in experiments):
         return False
-    shafts = model.base == "joint" and not is_driven
-    return not (shafts and all(coasts(next(iter(one.measured.values())), one.is_linear) for one in experiments))
+    return model.base != "joint" or not turns_one_way(experiments)
+
+
+def turns_one_way(experiments: Sequence[Experiment]) -> bool:
+    """Whether a shaft turns in one direction, the same in all experiments; see ``coasts``."""
+    positions = [one.measured.get("position", np.zeros(2)) for one in experiments]
+    turned = [coasts(one, e.is_linear) for one, e in zip(positions, experiments, strict=True)]
+    return all(turned) and len({np.sign(one[-1] - one[0]) for one in map(_seen, positions)}) == 1
 
 
 def coasts(position: FloatArray, is_linear: bool) -> bool:
     """Whether a shaft with these angles (N,) [rad] turns in one direction, farther than a spring or a weight allows;
     false for a length (is_linear)."""
-    position = position[np.isfinite(position)]
+    position = _seen(position)
     return not is_linear and abs(position[-1] - position[0]) > 2 * np.pi * SHAFT_TURNS and is_onward(position)
 
 
 def is_onward(position: FloatArray) -> bool:
     """Whether a position (N,) changes in one direction.  It is compared at a hundred samples, as noise reverses between
     neighbours."""
-    position = position[np.isfinite(position)]
+    position = _seen(position)
     steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
     return abs(float(steps.sum())) > ONWARD * float(np.abs(steps).sum())
+
+
+def _seen(position: FloatArray) -> FloatArray:
+    """The positions that were read."""
+    return np.asarray(position[np.isfinite(position)])
 
 
 def with_free_states(model: Model) -> Model:

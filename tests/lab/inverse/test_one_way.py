@@ -1,0 +1,62 @@
+"""Shafts that are driven in one direction, in which dry friction is a constant torque: the speed is given in closed
+form, and the torque follows from it."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+from lostmotion.drivers.recording import Recording
+from lostmotion.lab import experiments, explain, open_executor
+from lostmotion.lab.results import Explanation
+from lostmotion.model import build_model
+
+J, B, C = 2e-3, 0.01, 0.4
+"""kg m², N m s/rad, N m"""
+TIMES = np.arange(0.0, 12.0, 5e-3)
+
+
+def shaft(seed: int, direction: float) -> Recording:
+    """Its speed wanders between 2 and 38 rad/s."""
+    rng = np.random.default_rng(seed)
+    phase = rng.uniform(0, 2 * np.pi, 2)
+    frequency, size = np.array([0.5, 1.3]) * rng.uniform(0.9, 1.1, 2), np.array([12.0, 6.0])
+    w = 2 * np.pi * frequency
+    turns = w * TIMES[:, None] + phase
+    angle = direction * (20.0 * TIMES + (size / w * np.sin(turns)).sum(axis=1))
+    speed = direction * (20.0 + (size * np.cos(turns)).sum(axis=1))
+    acceleration = -direction * (size * w * np.sin(turns)).sum(axis=1)
+    torque = J * acceleration + B * speed + C * np.sign(speed)
+    noise = rng.standard_normal((2, TIMES.size))
+    columns = {"torque": torque + 5e-3 * noise[0], "position": angle + 1e-4 * noise[1]}
+    return Recording(TIMES, columns, name=f"shaft{seed}.csv")
+
+
+def found(directions: tuple[float, ...]) -> Explanation:
+    """What is missing from a joint with viscous friction."""
+    model = build_model("joint", ["viscous_friction"])
+    with open_executor() as pool:
+        made = [shaft(seed, direction) for seed, direction in enumerate(directions)]
+        return explain(model, experiments(model, made), pool)
+
+
+def test_dry_friction_of_a_shaft_that_turns_one_way(caplog: pytest.LogCaptureFixture) -> None:
+    """It is found, with its size, and a constant torque is said to look the same."""
+    with caplog.at_level(logging.WARNING):
+        explanation = found((1.0, 1.0, 1.0))
+    assert explanation.missing == ("coulomb_friction",)
+    (size,) = (one for one in explanation.best.estimates if one.name == "coulomb_friction.tau_c")
+    assert size.low < C < size.high
+    assert "turns in one direction" in caplog.text
+
+
+def test_dry_friction_of_a_shaft_that_turns_both_ways(caplog: pytest.LogCaptureFixture) -> None:
+    """One direction in each recording: a constant torque is distinguished, and none is there."""
+    with caplog.at_level(logging.WARNING):
+        explanation = found((1.0, -1.0, 1.0))
+    assert explanation.missing == ("coulomb_friction",)
+    (bias,) = (one for one in explanation.best.estimates if one.name == "bias")
+    assert bias.low < 0 < bias.high
+    assert "turns in one direction" not in caplog.text
