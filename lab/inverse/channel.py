@@ -41,11 +41,13 @@ log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class Channel:
     """band_hz: the highest end of the band; delay_s: how much later than recorded the torque acts; is_reversed: whether
-    torque and angle have opposite positive directions."""
+    torque and angle have opposite positive directions; share: of the torque's variance in the widest band, that of this
+    one."""
 
     band_hz: float = math.inf
     delay_s: float = 0.0
     is_reversed: bool = False
+    share: float = 1.0
 
     @classmethod
     def of(cls, experiments: Sequence[Experiment]) -> Channel:
@@ -68,7 +70,9 @@ class Channel:
         ]
         least = min(deviation for _, deviation in clear)
         is_identified = least < policy.INERTIA_IDENTIFIED
-        return next(one for one, sd in clear if not is_identified or sd <= policy.BAND_AS_WELL * least)
+        chosen = next(one for one, sd in clear if not is_identified or sd <= policy.BAND_AS_WELL * least)
+        power = {one: fit.power for one, fit in found if fit}
+        return replace(chosen, share=power.get(chosen, 1.0) / power.get(found[0][0], 1.0))
 
     @classmethod
     def _of_band(cls, experiments: Sequence[Experiment], end_hz: float) -> tuple[Channel, _JointFit | None]:
@@ -90,6 +94,13 @@ class Channel:
             log.warning(
                 "%s: the torque acts %.2g ms %s than it was recorded; this delay is removed",
                 name, 1e3 * abs(self.delay_s), "later" if self.delay_s > 0 else "earlier",
+            )  # fmt: skip
+
+        if self.share < 1 / 2:
+            log.warning(
+                "%s: the motion is compared below %.2g Hz, where the inertia is identified best; only %.0f %% of the "
+                "torque's variance is there, and what hardly moves the joint, as cogging under a controller, is missed",
+                name, self.band_hz, 100 * self.share,
             )  # fmt: skip
 
     def annotated(self, fit: Fit) -> Fit:
@@ -141,7 +152,8 @@ class _JointFit:
 
     inertia [kg m²]; lost: mean power of viscous and Coulomb friction and of the constant [W]; deviation,
     lost_deviation: their standard deviations, robust to correlation of the residual within blocks (cluster-robust:
-    Liang and Zeger 1986); residual: (M,) [N m]; rubs: whether friction has more of the torque than the inertia.
+    Liang and Zeger 1986); residual: (M,) [N m]; rubs: whether friction has more of the torque than the inertia;
+    power: variance of the torque within the band.
     """
 
     inertia: float
@@ -150,6 +162,7 @@ class _JointFit:
     lost_deviation: float
     residual: FloatArray
     rubs: bool
+    power: float
 
     @property
     def is_reversed(self) -> bool:
@@ -219,7 +232,7 @@ class _UsualJoint:
         inertia, lost = (wanted @ found).tolist()
         rubs = bool(np.linalg.norm(self.regressors[:, 1:3] @ found[1:3]) > abs(found[0]))
         deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()
-        return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs)
+        return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs, float(torque.var()))
 
     def own_share(self, delay_s: float) -> float:
         """The share of the power of the torque's derivative by the delay [s] that the regressors do not explain."""
