@@ -86,7 +86,8 @@ def guessed(
     more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen |= more
     notes += told
-    if not chosen and len(rest := _unnamed(series, clock)) == 1:
+    rest, is_alone = _unnamed(series, clock), len([one for one in series if not is_time(one.name)]) == 1
+    if not chosen and len(rest) == 1 and (is_alone or not is_input(rest[0].name)):
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
         several = [note for note in notes if note.startswith("accel")]
@@ -173,7 +174,7 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str]) ->
     first, *rest = sorted(names, key=lambda one: (is_input(one), has_input and one != "y")) or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped(column, first)
-    is_speed = re.search("veloc|speed", first, re.IGNORECASE)
+    is_speed = re.search("velo|speed", first, re.IGNORECASE)
     unit = "" if unit_of(first, "position") else ":rad/s" if is_speed else ":deg"
     drives = [one for one in rest if is_input(one)] or rest
     return ", and ".join(

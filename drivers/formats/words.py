@@ -39,7 +39,7 @@ QUANTITIES = {
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
 UNIT_SAYS = ("position", "torque", "current", "force")
-SPEED = {"velocity", "velocities", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot"}
+SPEED = {"velocity", "velocities", "velo", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot"}
 OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",

@@ -215,6 +215,13 @@ def test_a_measured_angle_comes_before_an_estimated_one(tmp_path: Path) -> None:
     assert read(path).recording.columns["position"] == pytest.approx(SWING, abs=1e-4)
 
 
+def test_the_input_of_a_motor_is_no_angle(tmp_path: Path) -> None:
+    """Not even where its speed, which has no unit, is all that stands beside it; the advice is to integrate that."""
+    path = tmp_path / "motor.csv"
+    path.write_text("Time,Input,Velo\n" + rows(T, np.cos(T), 5 * SWING, sign=","))
+    assert "--map position=Velo:rad/s" in refused(path)
+
+
 def test_the_points_of_a_mass_are_a_displacement(tmp_path: Path) -> None:
     """What moves along a line lies on no circle: of x and y the one that moves."""
     path = tmp_path / "mass.txt"
