@@ -24,7 +24,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "free_states", "is_onward", "turns_one_way", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "is_onward", "with_free_states", "with_scale"]
 
 log = logging.getLogger(__name__)
 
@@ -71,10 +71,10 @@ def _is_bias_identified(model: Model, experiments: Sequence[Experiment]) -> bool
         return True
     if all(set(one.measured) == {ACCEL} for one in experiments):
         return False
-    return model.base != "joint" or not turns_one_way(experiments)
+    return model.base != "joint" or not _turns_one_way(experiments)
 
 
-def turns_one_way(experiments: Sequence[Experiment]) -> bool:
+def _turns_one_way(experiments: Sequence[Experiment]) -> bool:
     """Whether a shaft turns in one direction, the same in all experiments; see ``coasts``."""
     positions = [one.measured.get("position", np.zeros(2)) for one in experiments]
     turned = [coasts(one, e.is_linear) for one, e in zip(positions, experiments, strict=True)]
