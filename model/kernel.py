@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import ctypes
 import threading
+import zlib
 from collections.abc import Callable, MutableSequence
 from functools import cached_property
+from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
@@ -32,6 +34,7 @@ __all__ = [
     "compiled",
     "jitted",
     "kernel",
+    "marked",
     "python_kernel",
     "subroutine",
     "whole_power",
@@ -45,9 +48,22 @@ F = TypeVar("F", bound=Callable[..., Any])
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 """Division by zero gives inf, which the solver reports, instead of an exception that C would swallow; a multiplication
 and an addition may be one instruction."""
+INLINED = ("elementary.py", "kernel.py", "lanes.py", "rk4.py")
+"""Sources of what is compiled into other functions."""
 SIGNATURE = types.void(POINTER, POINTER, POINTER, POINTER, POINTER, types.int64)
 _C_POINTER = ctypes.POINTER(ctypes.c_double)
 _C_SIGNATURE = ctypes.CFUNCTYPE(None, *[_C_POINTER] * 5, ctypes.c_int64)
+
+
+def _sources() -> str:
+    """A checksum of the sources of ``INLINED``."""
+    checksum = 0
+    for name in INLINED:
+        checksum = zlib.crc32((Path(__file__).parent / name).read_bytes(), checksum)
+    return f"{checksum:08x}"
+
+
+SOURCES = _sources()
 
 
 class _Raised(threading.local):
@@ -85,13 +101,13 @@ def _loop(s: Any, x: Any, dx: Any, p: Any, out: Any, count: int) -> None:
 
 
 def _over_lanes(function: Function) -> Any:
-    """The kernel for several lanes.  It is cached as code of the function's own file; signal numbers are compiled in,
-    so another order of the signals must not find the old code."""
+    """The kernel for several lanes.  It is cached as code of the function's own file; signal numbers and ``INLINED``
+    are compiled in, so another order of the signals, or another source, must not find the old code."""
     own = function.__code__
     code = _loop.__code__.replace(co_filename=own.co_filename, co_firstlineno=own.co_firstlineno)
     names = {"_of_lane": jitted(function), "lane": lane, "range": range, "__name__": function.__module__}
     made = FunctionType(code, names, function.__name__)
-    made.__qualname__, made.__module__ = f"{function.__qualname__}_{LAYOUT}_{LANES}", function.__module__
+    made.__qualname__, made.__module__ = f"{function.__qualname__}_{LAYOUT}_{SOURCES}", function.__module__
     return made
 
 
@@ -151,6 +167,13 @@ def compiled(build: Callable[..., Any]) -> Any:
         return build(cache=True)
     except RuntimeError:  # numba: "cannot cache function: no locator available"
         return build()
+
+
+def marked(function: F) -> F:
+    """The function, whose cache is another one where ``INLINED`` differ: numba compares its own file only, and went on
+    with code of the old ones."""
+    function.__qualname__ = f"{function.__qualname__}_{SOURCES}"
+    return function
 
 
 def jitted(function: F) -> F:

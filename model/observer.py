@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lostmotion.model.kernel import OPTIONS, compiled, jitted
+from lostmotion.model.kernel import OPTIONS, compiled, jitted, marked
 from lostmotion.model.lanes import LANES, address, batches, offset
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.pieces import Pieces, are_alike, cut
@@ -222,9 +222,9 @@ def _corrected(
         steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
-            advance(m, w, c, left, x, k1, k4, y, step, h, end)
+            advance(m, w, c, left, x, k1, k4, y, step * h, h, end)
             x, y = y, x
             k1, k4 = k4, k1
 
 
-_follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_corrected))
+_follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(marked(_corrected)))

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numba import njit
 
-from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
+from lostmotion.model.kernel import OPTIONS, compiled, jitted, marked, subroutine
 from lostmotion.model.lanes import LANES, address, batches, offset
 from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import (
@@ -354,8 +354,8 @@ def _start(plan: Plan, values: Values, coefficients: FloatArray, work: Work) -> 
     run(m, w, w.k, m.live, m.count, 0, 1)
 
 
-_signals = compiled(lambda **options: njit(**OPTIONS, **options)(_start))
-integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_integrate))
+_signals = compiled(lambda **options: njit(**OPTIONS, **options)(marked(_start)))
+integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(marked(_integrate)))
 
 
 def start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:

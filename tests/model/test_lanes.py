@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lostmotion.model import Model, build_model
+from lostmotion.model import Model, build_model, kernel, observer, solve
 from lostmotion.model.base import Term
 from lostmotion.model.effects.base import ActsOn, Effect
 from lostmotion.model.effects.registry import catalogue, registered
@@ -142,3 +145,21 @@ def test_whole_power(exponent: int) -> None:
     """Repeated squaring without a branch."""
     for base in (-1.7, -0.3, 0.0, 0.9, 1.2):
         assert whole_power(base, float(exponent)) == pytest.approx(base**exponent, rel=1e-13)
+
+
+def test_compiled_code_is_of_the_present_sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is cached has a checksum in its name, of all files of which code is compiled into other ones.  With the old
+    code of one and the new code of another one an observer had the wrong time within a step."""
+    folder = Path(kernel.__file__).parent
+    mark = re.compile("@(jitted|subroutine|intrinsic_function)")
+    shared = {path.name for path in folder.glob("*.py") if mark.search(path.read_text())} - {"solve.py", "observer.py"}
+    assert shared <= {*kernel.INLINED}
+    before = kernel.SOURCES
+    assert solve.integrate.py_func.__qualname__.endswith(before)
+    assert observer._follow.py_func.__qualname__.endswith(before)
+    for name in kernel.INLINED:
+        shutil.copy(folder / name, tmp_path)
+    monkeypatch.setattr(kernel, "__file__", str(tmp_path / "kernel.py"))
+    assert kernel._sources() == before
+    (tmp_path / "rk4.py").write_text((tmp_path / "rk4.py").read_text() + "# another one\n")
+    assert kernel._sources() != before
