@@ -20,6 +20,9 @@ CYCLE_S = 0.2
 cycle_s`` does not say otherwise.  Each wake-up of a thread costs as much as a score; docs/reliability.md has the
 measurement"""
 
+SAME_S = 1e-6
+"""times that are so close are the same: 1.2 // 0.2 is 5, and 6 * 0.2 is later than 1.2"""
+
 TIMEX_BYTES = 1024
 """more than a struct timex has"""
 UNSYNCHRONISED = 5
@@ -31,8 +34,7 @@ wall = time.time
 
 def next_cycle(now: float, length: float = CYCLE_S) -> float:
     """When the next cycle begins [s], after ``now`` [s], of cycles of so many seconds."""
-    begin = (now // length + 1) * length
-    return begin if begin > now else begin + length  # 1.0 // 0.2 is 4
+    return ((now + SAME_S) // length + 1) * length
 
 
 def is_synchronised() -> bool:
