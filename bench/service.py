@@ -108,9 +108,8 @@ def measure(accel: str, duration_s: float, tables: str, cycle_s: float = CYCLE_S
 
 
 def take_turns(own: set[int], beside: set[int], duration_s: float) -> None:
-    """For so long, each of two groups of processes runs on a core of its own, and they change places.  Where the kernel
-    places them, one may have to share a core with its emulators and the other not: the ratio of their costs, over a
-    minute, was 4.1 to 5.9 then, and the cost of the same bytes 0.9 to 2.2 % of a core."""
+    """For so long, each of two groups of processes runs on a core of its own, and they change places: where the kernel
+    places them, one may have to share a core with its emulators and the other not."""
     cores = sorted(os.sched_getaffinity(0))
     turns = max(2 * round(duration_s / (2 * TURN_S)), 2)
     for turn in range(turns):
