@@ -21,7 +21,8 @@ cycle_s`` does not say otherwise.  Each wake-up of a thread costs as much as a s
 measurement"""
 
 SAME_S = 1e-6
-"""times that are so close are the same: 1.2 // 0.2 is 5, and 6 * 0.2 is later than 1.2"""
+"""times that are so close are the same [s], as they differ by rounding: 1.2 // 0.2 is 5, and 6 * 0.2 is later than 1.2.
+A clock that has run for 1e7 s rounds to 2e-9 s; the shortest cycle is 5 ms (test_clock)"""
 
 TIMEX_BYTES = 1024
 """more than a struct timex has"""

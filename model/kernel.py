@@ -15,7 +15,7 @@ import ctypes
 import threading
 import zlib
 from collections.abc import Callable, MutableSequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -34,7 +34,6 @@ __all__ = [
     "compiled",
     "jitted",
     "kernel",
-    "marked",
     "python_kernel",
     "subroutine",
     "whole_power",
@@ -101,13 +100,13 @@ def _loop(s: Any, x: Any, dx: Any, p: Any, out: Any, count: int) -> None:
 
 
 def _over_lanes(function: Function) -> Any:
-    """The kernel for several lanes.  It is cached as code of the function's own file; signal numbers and ``INLINED``
-    are compiled in, so another order of the signals, or another source, must not find the old code."""
+    """The kernel for several lanes.  It is cached as code of the function's own file; signal numbers are compiled in,
+    so another order of the signals must not find the old code."""
     own = function.__code__
     code = _loop.__code__.replace(co_filename=own.co_filename, co_firstlineno=own.co_firstlineno)
     names = {"_of_lane": jitted(function), "lane": lane, "range": range, "__name__": function.__module__}
     made = FunctionType(code, names, function.__name__)
-    made.__qualname__, made.__module__ = f"{function.__qualname__}_{LAYOUT}_{SOURCES}", function.__module__
+    made.__qualname__, made.__module__ = f"{function.__qualname__}_{LAYOUT}", function.__module__
     return made
 
 
@@ -123,7 +122,7 @@ class Kernel:
     def _handle(self) -> Any:
         if self._in_python:
             return _C_SIGNATURE(self._lanes_in_python)
-        return compiled(lambda **options: cfunc(SIGNATURE, **OPTIONS, **options)(_over_lanes(self.function)))
+        return compiled(partial(cfunc, SIGNATURE, **OPTIONS), _over_lanes(self.function))
 
     @cached_property
     def address(self) -> int:
@@ -161,19 +160,15 @@ def python_kernel(function: Function) -> Kernel:
     return Kernel(function, in_python=True)
 
 
-def compiled(build: Callable[..., Any]) -> Any:
-    """``build(cache=True)``, or without a cache where no folder for it can be written (a hardened service)."""
-    try:
-        return build(cache=True)
-    except RuntimeError:  # numba: "cannot cache function: no locator available"
-        return build()
-
-
-def marked(function: F) -> F:
-    """The function, whose cache is another one where ``INLINED`` differ: numba compares its own file only, and went on
+def compiled(decorator: Callable[..., Any], function: Callable[..., Any]) -> Any:
+    """``decorator(cache=True)(function)``, or without a cache where no folder for it can be written (a hardened
+    service).  The cache's name has a checksum of ``INLINED``: numba compares the function's own file only, and went on
     with code of the old ones."""
     function.__qualname__ = f"{function.__qualname__}_{SOURCES}"
-    return function
+    try:
+        return decorator(cache=True)(function)
+    except RuntimeError:  # numba: "cannot cache function: no locator available"
+        return decorator()(function)
 
 
 def jitted(function: F) -> F:

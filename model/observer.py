@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lostmotion.model.kernel import OPTIONS, compiled, jitted, marked
+from lostmotion.model.kernel import OPTIONS, compiled, jitted
 from lostmotion.model.lanes import LANES, address, batches, offset
 from lostmotion.model.motion import FloatArray, Motion
 from lostmotion.model.pieces import Pieces, are_alike, cut
@@ -29,6 +29,7 @@ from lostmotion.model.rk4 import (
     Work,
     advance,
     beside,
+    equal_steps,
     in_lanes,
     lanes_for,
     memory,
@@ -219,7 +220,7 @@ def _corrected(
             slopes_at(m, w, c, left, x, k1, end)
         if o == at.size:
             break
-        steps = max(1, int(np.ceil((knots[interval + 1] - left) / substep - 1e-9)))
+        steps = equal_steps(knots[interval + 1] - left, substep)
         h = (knots[interval + 1] - left) / steps
         for step in range(steps):
             advance(m, w, c, left, x, k1, k4, y, step * h, h, end)
@@ -227,4 +228,4 @@ def _corrected(
             k1, k4 = k4, k1
 
 
-_follow = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(marked(_corrected)))
+_follow = compiled(partial(njit, nogil=True, **OPTIONS), _corrected)

@@ -307,6 +307,12 @@ def slopes_at(m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, 
 
 
 @jitted
+def equal_steps(length: float, substep: float) -> int:
+    """The number of equal steps no longer than ``substep`` in an interval."""
+    return max(1, int(np.ceil(length / substep - 1e-9)))
+
+
+@jitted
 def advance(
     m: Any, w: Any, c: Pointer, left: float, x: Pointer, k1: Pointer, k4: Pointer, y: Pointer, since: float, h: float,
     end: int,

@@ -14,12 +14,13 @@ takes its own parts of the step while the others wait.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 
-from lostmotion.model.kernel import OPTIONS, compiled, jitted, marked, subroutine
+from lostmotion.model.kernel import OPTIONS, compiled, jitted, subroutine
 from lostmotion.model.lanes import LANES, address, batches, offset
 from lostmotion.model.pieces import Pieces
 from lostmotion.model.rk4 import (
@@ -31,6 +32,7 @@ from lostmotion.model.rk4 import (
     Work,
     advance,
     beside,
+    equal_steps,
     inputs,
     lanes_for,
     load,
@@ -243,12 +245,6 @@ def _choose(
 
 
 @jitted
-def _equal(length: float, substep: float) -> int:
-    """The number of equal steps no longer than ``substep`` in an interval."""
-    return max(1, int(np.ceil(length / substep - 1e-9)))
-
-
-@jitted
 def _cut(knots: FloatArray, interval: int, substep: float) -> tuple[int, float, float, float]:
     """The number of steps in an interval, and the lengths of the first one, of those between, and of the last one.
 
@@ -258,15 +254,15 @@ def _cut(knots: FloatArray, interval: int, substep: float) -> tuple[int, float, 
     motion jumped by 2e-6 rad, and the interval of a servo's delay was 74.0000 ± 0.0002 instead of 74 ± 5 ms.
     """
     length, intervals = knots[interval + 1] - knots[interval], knots.size - 1
-    steps = _equal(length, substep)
+    steps = equal_steps(length, substep)
     h = length / steps
     if intervals < 3 or 0 < interval < intervals - 1:
         return steps, h, h, h
     beside = knots[2] - knots[1] if interval == 0 else knots[interval] - knots[interval - 1]
     if abs(beside - length) < 1e-9 * length:
         return steps, h, h, h
-    whole = beside / _equal(beside, substep)
-    steps = _equal(length, whole)
+    whole = beside / equal_steps(beside, substep)
+    steps = equal_steps(length, whole)
     rest = length - (steps - 1) * whole
     return steps, rest if interval == 0 or steps == 1 else whole, whole, whole if interval == 0 else rest
 
@@ -365,8 +361,8 @@ def _start(plan: Plan, values: Values, coefficients: FloatArray, work: Work) -> 
     run(m, w, w.k, m.live, m.count, 0, 1)
 
 
-_signals = compiled(lambda **options: njit(**OPTIONS, **options)(marked(_start)))
-integrate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(marked(_integrate)))
+_signals = compiled(partial(njit, **OPTIONS), _start)
+integrate = compiled(partial(njit, nogil=True, **OPTIONS), _integrate)
 
 
 def start_signals(plan: Plan, x: FloatArray, time: float, value: float, rate: float) -> FloatArray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,7 @@ def _run(
             found[i + k] = dx[LANES + k]
 
 
-_evaluate = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_run))
+_evaluate = compiled(partial(njit, nogil=True, **OPTIONS), _run)
 
 
 def softened(model: Model, signals: Sequence[Signals], saturation: float = SATURATED) -> Model:

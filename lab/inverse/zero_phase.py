@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numba import njit
@@ -61,4 +61,4 @@ def _sections(values: FloatArray, sections: FloatArray, settled: FloatArray) -> 
                 values[i, k] = y
 
 
-_filter = compiled(lambda **options: njit(nogil=True, **OPTIONS, **options)(_sections))
+_filter = compiled(partial(njit, nogil=True, **OPTIONS), _sections)

@@ -132,9 +132,9 @@ def test_command_delay() -> None:
 
 @pytest.mark.parametrize("delay", [0.008, 0.016])
 def test_a_motion_is_continuous_in_the_delay(delay: float) -> None:
-    """Also where it is a whole number of integration steps: there differences over 10 ns
-    give the same derivative on both sides as those over 10 us, to 3 %.  Where each interval was cut into equal steps,
-    it was up to six times as large."""
+    """Also where it is a whole number of integration steps: there differences over 10 ns give the same
+    derivative on both sides as those over 10 us, to 3 %.  With equal steps in each interval it was up to six times as
+    large."""
     times = np.arange(0.0, 1.001, 0.02)
     command = Sampled(times, 0.2 * np.sin(7 * times))
     model = build_model("servo", ["command_delay"])

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lostmotion.lab.inverse import torques
 from lostmotion.model import Model, build_model, kernel, observer, solve
 from lostmotion.model.base import Term
 from lostmotion.model.effects.base import ActsOn, Effect
@@ -157,6 +158,7 @@ def test_compiled_code_is_of_the_present_sources(tmp_path: Path, monkeypatch: py
     before = kernel.SOURCES
     assert solve.integrate.py_func.__qualname__.endswith(before)
     assert observer._follow.py_func.__qualname__.endswith(before)
+    assert torques._evaluate.py_func.__qualname__.endswith(before)
     for name in kernel.INLINED:
         shutil.copy(folder / name, tmp_path)
     monkeypatch.setattr(kernel, "__file__", str(tmp_path / "kernel.py"))
