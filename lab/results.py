@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -194,6 +193,16 @@ class Finding:
         return found
 
 
+@dataclass(frozen=True)
+class Rung:
+    """One step of the ladder: the active effects, the error on unseen data, the noise floor, its unit."""
+
+    effects: tuple[str, ...]
+    rms: float
+    noise: float
+    unit: str
+
+
 @dataclass(frozen=True, eq=False)
 class Explanation(Displayed):
     """What is missing from a model.
@@ -212,8 +221,12 @@ class Explanation(Displayed):
     detectable: Mapping[str, tuple[str, float]]
     base: Fit
     best: Fit
-    descent: tuple[float, ...] = ()
-    """Errors on unseen data with none, one, two, … of the missing effects."""
+    share: Mapping[str, float] = field(default_factory=dict)
+    """For each effect that is missing, the part of the squared error on unseen data that it takes."""
+    rungs: tuple[Rung, ...] = ()
+    """The errors on unseen data without the missing effects, with the first that was found, with the first two, …"""
+    unshown: tuple[str, ...] = ()
+    """Missing effects that only the data of the fit show: without them unseen data are predicted as well."""
     complete: bool = False
     """Whether the residual of ``best`` is noise."""
     columns: Mapping[str, Errors] = field(default_factory=dict)
@@ -228,25 +241,9 @@ class Explanation(Displayed):
     """Numbers of segments of unseen data: those left out of the errors as lost, and all."""
 
     @property
-    def share(self) -> dict[str, float]:
-        """For each effect that is missing, the part of the squared error on unseen data that it takes."""
-        squares = [error**2 for error in self.descent]
-        first = squares[0] if squares else 0.0
-        falls = (before - after for before, after in itertools.pairwise(squares))
-        return {effect: fall / first if first > 0 else 0.0 for effect, fall in zip(self.missing, falls, strict=False)}
-
-    @property
     def verdict(self) -> Verdict:
         """What was found."""
         return "missing" if self.missing else "nothing_missing" if self.complete else "outside_catalogue"
-
-    @property
-    def unshown(self) -> tuple[str, ...]:
-        """Missing effects that take less of the squared error on unseen data than is worth a name: only the data of the
-        fit show them."""
-        pairs = zip(self.missing, itertools.pairwise(self.descent), strict=False)
-        least = 1 - policy.LEAST_GAIN
-        return tuple(effect for effect, (before, after) in pairs if after**2 > least * before**2)
 
     @property
     def unidentified(self) -> tuple[Ranked, ...]:
@@ -280,16 +277,6 @@ class Explanation(Displayed):
         }
 
 
-@dataclass(frozen=True)
-class Rung:
-    """One step of the ladder: the active effects, the error on unseen data, the noise floor, its unit."""
-
-    effects: tuple[str, ...]
-    rms: float
-    noise: float
-    unit: str
-
-
 @dataclass(frozen=True, eq=False)
 class Ladder(Displayed):
     """How the error fell, effect by effect; last: the explanation that added nothing more."""
@@ -309,10 +296,5 @@ def _number(value: float) -> float | None:
 
 
 def ladder_of(explanation: Explanation) -> Ladder:
-    """A rung for the initial model, and one for each added effect."""
-    own, error = explanation.base.model.effects, explanation.error
-    rungs = [
-        Rung((*own, *explanation.missing[:count]), rms, error.noise, error.unit)
-        for count, rms in enumerate(explanation.descent)
-    ]
-    return Ladder(tuple(rungs), explanation)
+    """The errors with one effect after the other."""
+    return Ladder(explanation.rungs, explanation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -59,9 +60,41 @@ def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experimen
     from lostmotion.model import ModelError
 
     built, read = modelfile.load(model).build(), recordings.read()
-    for recording in read:
-        warn_of_units(recording)
     try:
-        yield built, experiments(built, read), read
+        with _merged_warnings():
+            for recording in read:
+                warn_of_units(recording)
+            prepared = experiments(built, read)
+        yield built, prepared, read
     except ModelError as error:
         raise ExperimentError(f"{model}: the model cannot be run on these recordings: {error}") from error
+
+
+class _Kept(logging.Handler):
+    """Keeps the records that are alike but for the recording's name, the first argument, together."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.groups: dict[object, list[logging.LogRecord]] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        args = record.args if isinstance(record.args, tuple) else ()
+        is_named = record.msg.startswith("%s: ") and len(args) > 0
+        self.groups.setdefault((record.msg, args[1:]) if is_named else id(record), []).append(record)
+
+
+@contextmanager
+def _merged_warnings() -> Iterator[None]:
+    """Logs what is said of several recordings once, at the end, with the first one's name and the number of others."""
+    logger, kept = logging.getLogger("lostmotion.lab"), _Kept()
+    logger.addHandler(kept)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.propagate = True
+        logger.removeHandler(kept)
+        for first, *others in kept.groups.values():
+            if others and isinstance(first.args, tuple):
+                first.args = (f"{first.args[0]} and {len(others)} more", *first.args[1:])
+            logging.getLogger(first.name).handle(first)

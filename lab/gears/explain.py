@@ -24,7 +24,7 @@ from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Unseen, Validation, exceeds_noise
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit
 from lostmotion.lab.selection.forward import Selection, selected
-from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
+from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
 from lostmotion.lab.shooting.continuation import FIRST_S, Level
 from lostmotion.lab.shooting.task import Task, coarse_substep, dithered
 from lostmotion.model import Model, ModelError
@@ -95,7 +95,8 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
     """The result of a search, with refined estimates and a description of the remaining error."""
     base, best, column = selection.fits[0], selection.fits[-1], next(iter(task.noise))
     before, after = base.unseen, best.unseen
-    missing, descent = strongest_first([one.unseen.of(column) for one in selection.fits], selection)
+    errors = [one.unseen.of(column) for one in selection.fits]
+    share = strongest_first(selection, errors)
     refined = pool.submit(refined_fit, best.level, task)  # runs on one core while the residual is described
     left = exceeds_noise(after)
     columns = {
@@ -106,18 +107,20 @@ def _explanation(selection: Selection[SegmentFit], task: Task, pool: Executor) -
     residual = _residual(best.short, best.model, task) if left else None
     best_fit = refined.result()
     return Explanation(
-        missing=missing,
+        missing=tuple(share),
+        share=share,
+        unshown=unshown(selection, lambda one: one.unseen.of(column)),
         confusable=_confusable(selection),
-        ranking=ranking(selection, descent[0], lambda one: one.fit.unseen.of(column), _values, best_fit.estimates),
+        ranking=ranking(selection, errors, lambda one: one.fit.unseen.of(column), _values, best_fit.estimates),
         error=columns[column],
         residual=residual,
         complete=not left,
         advice=advice(selection, task.experiments, task.noise, pool),
-        detectable=selection.steps[-1].detectable if not (missing or left) else {},
+        detectable=selection.steps[-1].detectable if not (share or left) else {},
         base=_with_unseen(fit_of(base.level, task), before),
         best=_with_unseen(best_fit, after),
         columns=columns,
-        descent=descent,
+        rungs=ladder(selection, errors, columns[column].noise, columns[column].unit),
         left_out=(after.errors.size - len(after.kept), after.errors.size),
         untried=selection.untried,
     )

@@ -42,7 +42,7 @@ from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
 from lostmotion.lab.selection.evidence import Candidate, Predictions
 from lostmotion.lab.selection.forward import Selection, Step, selected
-from lostmotion.lab.selection.outcome import advice, ranking, strongest_first
+from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
@@ -138,30 +138,33 @@ def _explanation(
     fits = [one.surest for one in selection.fits]
     base, best, column = fits[0], fits[-1], fits[-1].data.column
     power = shares(best.model, selection.added, best.data.signals) if _has_powers(best) else None
-    missing, descent = strongest_first([error_on(fit, unseen) for fit in fits], selection, power)
+    errors = [error_on(fit, unseen) for fit in fits]
+    share = strongest_first(selection, errors, power)
     floors = _floors(noise, best, unseen)
     left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
-    errors = Errors(descent[0], error_on(best, unseen), floors[column], words.column(column, *best.data.axis)[1])
+    error = Errors(errors[0], errors[-1], floors[column], words.column(column, *best.data.axis)[1])
     return Explanation(
-        missing=missing,
+        missing=tuple(share),
+        share=share,
+        unshown=unshown(selection, lambda one: error_on(one.surest, unseen)),
         confusable=selection.confusable,
         ranking=ranking(
             selection,
-            descent[0],
-            lambda one: _error(one, unseen, descent[0]),
+            errors,
+            lambda one: _error(one, unseen, errors[0]),
             lambda one: _estimates(one.judged, floors[column]),
             _estimates(best, floors[column]),
         ),
-        error=errors,
+        error=error,
         residual=None if complete else described(selection.fits[-1].inverse),
         advice=advice(selection, train, noise, pool),
-        detectable=_detectable(selection.steps[-1]) if complete and not missing else {},
+        detectable=_detectable(selection.steps[-1]) if complete and not share else {},
         base=_fit(base, model, floors, unseen),
         best=_fit(best, model, floors, unseen),
-        descent=descent,
+        rungs=ladder(selection, errors, error.noise, error.unit),
         complete=complete,
-        columns={column: errors},
+        columns={column: error},
         untried=selection.untried,
     )
 

@@ -39,7 +39,7 @@ def ladder(climbed: Ladder) -> Section:
 
 
 def ranking(explanation: Explanation) -> Section | None:
-    """All effects that were tried, best first; None where none was."""
+    """The effects that were found, then the others that were tried, best first; None where none was."""
     tried = explanation.ranking
     if not tried:
         return None
@@ -52,8 +52,8 @@ def ranking(explanation: Explanation) -> Section | None:
     ]  # fmt: skip
     shown = scale(unit, largest).unit
     text = (
-        f"Each effect, added to the model and fitted: errors in {shown} on data that the fit has not seen; dashed: the "
-        "noise. p: the chance that an effect which is not there would do as well."
+        f"Errors in {shown} on data that the fit has not seen: of what was found, each beside those above it; of the "
+        "others, each alone. Dashed: the noise. p: the chance that an effect which is not there would do as well."
     )
     head = ("effect", "error with it", "before>", "after>", "p>")
     return Section("ranking", "Which effects were tried",

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from itertools import compress
 from typing import Generic, Protocol, TypeVar
 
 from lostmotion.lab import policy
@@ -117,19 +116,16 @@ class Step(Generic[F]):
 
 @dataclass(frozen=True, eq=False)
 class Selection(Generic[F]):
-    """fits: the base's, then one after each step; labels: the effect that each step added, or both where a general one
-    replaced a simpler one; steps: the candidates of each, the last one without success; untried: effects that were not
-    tried beside those that were added, because time ran out."""
+    """added: the effects, in the order in which the search found them; fits: of the model without them, with the first,
+    with the first two, …; lacking: for each of them the fit with all others, if the elimination made one; steps: the
+    candidates of each step, the last one without success; untried: effects that were not tried beside those that were
+    added, because time ran out."""
 
     fits: tuple[F, ...]
-    labels: tuple[str, ...]
+    added: tuple[str, ...]
     steps: tuple[Step[F], ...]
     untried: tuple[str, ...] = ()
-
-    @property
-    def added(self) -> tuple[str, ...]:
-        """The effects, in the order in which they were added."""
-        return tuple(dict.fromkeys(self.labels))
+    lacking: Mapping[str, F] = field(default_factory=dict)
 
     @property
     def confusable(self) -> tuple[tuple[str, ...], ...]:
@@ -147,7 +143,7 @@ def selected(
     superfluous.  begun: a search by another likelihood, which this one goes on with."""
     now = likelihood.accepted(begun.fits[-1], begun.fits[-1]) if begun else likelihood.first
     fits = [*begun.fits[:-1], now] if begun else [now]
-    added, steps, untried = (list(begun.labels), list(begun.steps), begun.untried) if begun else ([], [], ())
+    added, steps, untried = (list(begun.added), list(begun.steps), begun.untried) if begun else ([], [], ())
     with within(policy.STAGE_SHARE * remaining_s()):
         while len(added) < policy.MOST_EFFECTS:
             progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
@@ -168,12 +164,12 @@ def selected(
     return _eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
 
 
-def _relabelled(labels: Sequence[str], own: Sequence[str], effects: Sequence[str]) -> list[str]:
-    """The effects that the steps added; one that is no longer in the model was replaced, by an effect without a step of
-    its own, or by the last one, with the share that it explained."""
-    new = (effect for effect in effects if effect not in own and effect not in labels)
-    place = {label: label if label in effects else next(new, labels[-1]) for label in dict.fromkeys(labels)}
-    return [place[label] for label in labels]
+def _relabelled(added: Sequence[str], own: Sequence[str], effects: Sequence[str]) -> list[str]:
+    """The effects that the steps added; in the place of one that is no longer in the model is the effect that replaced
+    it, one without a step of its own or the last one."""
+    new = (effect for effect in effects if effect not in own and effect not in added)
+    place = [effect if effect in effects else next(new, added[-1]) for effect in added]
+    return list(dict.fromkeys(place))
 
 
 def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
@@ -286,27 +282,40 @@ def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]
     the same effects and the fit that begins without the effect the better one counts, as the latter may end in another
     minimum.
     """
-    fits, labels = list(found.fits), list(found.labels)
-    first, left, needed = fits[0].model, list(found.added), list[str]()
+    first, now, added = found.fits[0].model, found.fits[-1], list(found.added)
+    left, lacking = [*added], dict[str, F]()
 
     def refitted(model: Model) -> F:
-        known = [one for one in own if {*one.model.effects} == {*model.effects}]
-        return min([likelihood.refitted(model, fits[-1]), *known], key=lambda one: one.rms)
+        return min([likelihood.refitted(model, now), *_alike(own, model)], key=lambda one: one.rms)
 
     while left and not is_over():
         effect = left.pop(0)
-        now, less = fits[-1], refitted(reduced(fits[-1].model, effect, first))
-        others = [name for name in labels if name != effect]
+        less, others = refitted(reduced(now.model, effect, first)), [name for name in added if name != effect]
         if not _is_needed(effect, less, now, likelihood) and are_consistent(less.model, others):
-            fits = [fits[0], *compress(fits[1:], [name != effect for name in labels])]
-            fits[-1], labels = less, others
-            left, needed = [*left, *needed], []
+            now, added = less, others
+            left, lacking = [*left, *lacking], {}
         elif (simple := simplified(now.model, effect, first)) and _is_enough(part := refitted(simple), now, likelihood):
-            fits[-1] = part
-            labels = _relabelled(labels, first.effects, part.model.effects)
+            now, added = part, _relabelled(added, first.effects, part.model.effects)
         else:
-            needed.append(effect)
-    return replace(found, fits=tuple(fits), labels=tuple(labels))
+            lacking[effect] = less
+    path = _path(found.fits, now, added, refitted)
+    return replace(found, fits=path, added=tuple(added), lacking=lacking)
+
+
+def _alike(fits: Iterable[F], model: Model) -> list[F]:
+    """The fits with the effects of a model."""
+    return [one for one in fits if {*one.model.effects} == {*model.effects}]
+
+
+def _path(fits: Sequence[F], now: F, added: Sequence[str], refitted: Callable[[Model], F]) -> tuple[F, ...]:
+    """The fits with none of the added effects, with the first, the first two, …: those of the search that have no other
+    effects, else new ones.  When the time is up those of the search count as they are."""
+    path, model = [now], now.model
+    for count in reversed(range(1, len(added))):
+        model = reduced(model, added[count], fits[0].model)
+        known = _alike(fits, model)
+        path.append(min(known, key=lambda one: one.rms) if known else fits[count] if is_over() else refitted(model))
+    return (fits[0], *reversed(path)) if added else (now,)
 
 
 def _is_needed(effect: str, less: F, now: F, likelihood: Likelihood[F]) -> bool:

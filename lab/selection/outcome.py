@@ -2,71 +2,90 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from itertools import pairwise
 from typing import TypeVar
 
-import numpy as np
-
+from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.design.next_experiment import what_to_record
-from lostmotion.lab.results import Estimate, Ranked
+from lostmotion.lab.results import Estimate, Ranked, Rung
 from lostmotion.lab.selection.evidence import Candidate, Fit
 from lostmotion.lab.selection.forward import Selection
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import ModelError
 
-__all__ = ["advice", "ranking", "strongest_first"]
+__all__ = ["advice", "ladder", "ranking", "strongest_first", "unshown"]
 
 F = TypeVar("F", bound=Fit)
 
 
 def strongest_first(
-    errors: Sequence[float], selection: Selection[F], power: Mapping[str, float] | None = None
-) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """The added effects, strongest first; and the error with none of them, with the first, with the first two, …
+    selection: Selection[F], errors: Sequence[float], power: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """For each added effect the part of the squared error that it takes, strongest first.
 
-    The strongest effect takes most of the squared error; several steps of one effect are added up.  power: what divides
-    the squared error instead, by effect, where its torque is known: the first of two effects with similar torques takes
-    what both explain (viscous friction before Coulomb friction, of an arm with a tenth of it), and a free swing
-    simulated with gravity alone is out of phase with the measured one.
+    errors: on unseen data, of the fits of the selection.  power: what divides the squared error instead, by effect,
+    where its torque is known: the first of two effects with similar torques takes what both explain (viscous friction
+    before Coulomb friction, of an arm with a tenth of it), and a free swing with gravity alone is soon out of phase
+    with the measured one.
     """
-    takes = dict.fromkeys(selection.added, 0.0)
-    for effect, (less, more) in zip(selection.labels, pairwise(errors), strict=True):
-        takes[effect] += less**2 - more**2
+    takes = {name: less**2 - more**2 for name, (less, more) in zip(selection.added, pairwise(errors), strict=True)}
     if power:
         total, whole = sum(takes.values()), sum(power.values())
         takes = {name: total * power[name] / max(whole, 1e-300) for name in takes}
-    missing = sorted(takes, key=lambda effect: -takes[effect])
-    left = errors[0] ** 2 - np.cumsum([0.0, *(takes[effect] for effect in missing)])
-    return tuple(missing), tuple(np.sqrt(np.maximum(left, 0.0)).tolist())
+    first = max(errors[0] ** 2, 1e-300)
+    return {name: takes[name] / first for name in sorted(takes, key=lambda effect: -takes[effect])}
+
+
+def unshown(selection: Selection[F], error: Callable[[F], float]) -> tuple[str, ...]:
+    """The added effects without which no more than is worth a name is left of unseen data: only the data of the fit
+    show them.  error: of a fit, on unseen data."""
+    most = error(selection.fits[-1]) ** 2
+    return tuple(name for name, fit in selection.lacking.items() if (1 - policy.LEAST_GAIN) * error(fit) ** 2 < most)
+
+
+def ladder(selection: Selection[F], errors: Sequence[float], noise: float, unit: str) -> tuple[Rung, ...]:
+    """The effects of each fit of the selection with its error on unseen data."""
+    return tuple(Rung(fit.model.effects, error, noise, unit) for fit, error in zip(selection.fits, errors, strict=True))
 
 
 def ranking(
-    selection: Selection[F], before: float, error: Callable[[Candidate[F]], float],
+    selection: Selection[F], errors: Sequence[float], error: Callable[[Candidate[F]], float],
     estimates: Callable[[F], Sequence[Estimate]], best: Sequence[Estimate],
 ) -> tuple[Ranked, ...]:  # fmt: skip
-    """The candidates of the first step, best first, with errors on the last recording; those that were added with the
-    estimates of the last fit, and with the p-value of the step that added them: what a second effect takes may show
-    only beside the first, or where the misfit is whitened.  An effect that was not fitted has no gain, and p = 1."""
+    """The added effects in the order of the search, each with the errors on unseen data before and after it, and with
+    the estimates of the last fit; then the other candidates of the first step, best first, each alone.
+
+    errors: of the fits of the selection; error: of a candidate; estimates: of the parameters of a fit; best: of the
+    last one.  An effect that was not fitted has no gain, and p = 1.
+    """
     first = selection.steps[0]
-    leading = [step.judged[0] for step in selection.steps if step.judged]
-    added = {one.effect: one.p_value for one in leading if one.effect in selection.added}
+    every = {one.effect: one.p_value for step in selection.steps for one in step.judged}
+    p_values = every | {step.judged[0].effect: step.judged[0].p_value for step in selection.steps if step.judged}
+    steps = zip(selection.added, pairwise(errors), strict=True)
+    found = [Ranked(name, *both, p_values.get(name, math.nan), _own(name, best)) for name, both in steps]
+    found += [
+        Ranked(
+            one.effect, errors[0], error(one), one.p_value, _own(one.effect, estimates(one.fit)), one.is_identified
+        )
+        for one in first.judged if one.effect not in selection.added
+    ]  # fmt: skip
+    ranked = {one.effect for one in found}
+    return (*found, *(Ranked(name, errors[0], errors[0], 1.0) for name in first.rejected if name not in ranked))
 
-    def values(one: Candidate[F]) -> dict[str, tuple[float, float, float]]:
-        found = [*estimates(one.fit), *(best if one.effect in selection.added else ())]
-        own = [e for e in found if e.name.startswith(f"{one.effect}.")]
-        return {e.name.removeprefix(f"{one.effect}."): (e.value, e.low, e.high) for e in own}
 
-    ranked = [
-        Ranked(one.effect, before, error(one), added.get(one.effect, one.p_value), values(one), one.is_identified)
-        for one in first.judged
-    ]
-    fitted = {one.effect for one in ranked}
-    return (*ranked, *(Ranked(name, before, before, 1.0) for name in first.rejected if name not in fitted))
+def _own(effect: str, estimates: Sequence[Estimate]) -> dict[str, tuple[float, float, float]]:
+    """The estimates of the parameters of an effect, by their own names."""
+    return {
+        e.name.removeprefix(f"{effect}."): (e.value, e.low, e.high)
+        for e in estimates
+        if e.name.startswith(f"{effect}.")
+    }
 
 
 def advice(selection: Selection[F], train: Sequence[Experiment], noise: dict[str, float], pool: Executor) -> str:

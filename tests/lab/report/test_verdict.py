@@ -26,7 +26,7 @@ def test_verdict_of_a_missing_effect() -> None:
 
 def test_what_the_judged_recording_is_free_of_is_said() -> None:
     """An effect that only the recordings of the fit hold: why the error stays where it was."""
-    only = replace(report_example.explanation(), descent=(4.1, 4.1))
+    only = replace(report_example.explanation(), unshown=("coulomb_friction",))
     said = verdict.of_explanation(only)[-1]
     assert said == "The samples kept for judging do not show Coulomb friction: only those of the fit do."
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from lostmotion.lab import policy
+from lostmotion.lab.results import Ranked
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.selection.forward import Proposals, Selection, _eliminated, _is_enough, selected
 from lostmotion.lab.selection.nesting import others
-from lostmotion.lab.selection.outcome import ranking
+from lostmotion.lab.selection.outcome import ranking, unshown
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -226,7 +227,7 @@ def test_what_helps_only_together_is_found_as_a_pair() -> None:
     search = found({FIRST: 12.0, SECOND: 12.0}, columns)
     assert set(search.added) == {FIRST, SECOND}
     assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
-    shown = {one.effect: one.p_value for one in ranking(search, 1.0, lambda one: one.gain, lambda fit: (), ())}
+    shown = {one.effect: one.p_value for one in ranked(search)}
     assert max(shown[FIRST], shown[SECOND]) < policy.FALSE_NAME < shown[THIRD]
 
 
@@ -263,13 +264,33 @@ def test_of_two_pairs_that_explain_as_much_the_likely_one_is_named(turns: float,
     assert [set(group) for group in search.confusable] == [{THIRD, "torque_ripple"}]
 
 
-def test_an_effect_has_the_p_value_of_the_step_that_named_it() -> None:
-    """A column that shows only beside a louder one is not significant in the first step, and shown as it was named."""
+def ranked(search: Selection[Regressed]) -> tuple[Ranked, ...]:
+    """The ranking, with the errors on the data of the fits."""
+    return ranking(search, [fit.rms for fit in search.fits], lambda one: one.fit.rms, lambda fit: (), ())
+
+
+def test_an_effect_has_the_figures_of_the_step_that_named_it() -> None:
+    """A column that shows only beside a louder one is not significant in the first step, and shown as it was named: its
+    errors are those beside the louder one.  What is not named stands below, alone."""
     search = found({FIRST: 12.0, SECOND: 1.0}, independent())
     assert search.added == (FIRST, SECOND)
     assert {one.effect: one.p_value for one in search.steps[0].judged}[SECOND] > policy.FALSE_NAME
-    shown = {one.effect: one.p_value for one in ranking(search, 1.0, lambda one: one.gain, lambda fit: (), ())}
-    assert max(shown[FIRST], shown[SECOND]) < policy.FALSE_NAME
+    first, second, *others = ranked(search)
+    assert (first.effect, second.effect) == (FIRST, SECOND)
+    assert max(first.p_value, second.p_value) < policy.FALSE_NAME
+    assert first.rms_before > 5 * first.rms_after
+    assert first.rms_after == second.rms_before > second.rms_after == search.fits[-1].rms
+    assert others
+    assert all(one.rms_before == first.rms_before for one in others)
+
+
+def test_what_only_the_fit_shows() -> None:
+    """Of two effects the one without which as much is left of unseen data, within what is worth a name."""
+    search = found({FIRST: 12.0, SECOND: 3.0}, independent())
+    assert set(search.lacking) == {FIRST, SECOND}
+    assert unshown(search, lambda fit: fit.rms) == ()
+    assert unshown(search, lambda fit: 10.0 if FIRST not in fit.model.effects else 1.0) == (SECOND,)
+    assert unshown(search, lambda fit: 1.02 if FIRST not in fit.model.effects else 1.0) == (FIRST, SECOND)
 
 
 def test_what_later_effects_make_superfluous_is_taken_out() -> None:
@@ -280,6 +301,9 @@ def test_what_later_effects_make_superfluous_is_taken_out() -> None:
     assert search.steps[0].judged[0].effect == THIRD
     assert set(search.added) == {FIRST, SECOND}
     assert search.fits[-1].rms == pytest.approx(1.0, rel=0.1)
+    assert [fit.model.effects for fit in search.fits] == [search.added[:count] for count in range(3)]
+    errors = [fit.rms for fit in search.fits]
+    assert errors == sorted(errors, reverse=True)
 
 
 class Stuck(Columns):
@@ -348,7 +372,7 @@ def test_a_law_gives_way_to_its_part_where_the_last_recording_contradicts_it() -
     columns = {name: rng.standard_normal(SAMPLES) for name in (COULOMB, STRIBECK)}
     search = Sliding(columns[COULOMB] + columns[STRIBECK] + 0.1 * rng.standard_normal(SAMPLES), columns)
     fits = search.first, search.fit([COULOMB]), search.fit([STRIBECK])
-    ended = _eliminated(Selection(fits, (STRIBECK, STRIBECK), ()), search, fits)
+    ended = _eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
     assert ended.fits[-1].model.effects == (COULOMB,)
     assert ended.added == (COULOMB,)
 
