@@ -13,7 +13,7 @@ FIRST = {"gravity_torque.tau_g": 6e-3, "gravity_torque.phi": 0.07, "coulomb_fric
 
 @pytest.mark.parametrize("phase", [0.07, 1e-6, 0.0, -0.005])
 def test_an_angle_passes_zero(phase: float) -> None:
-    """Only what cannot be negative may get stuck at zero.  The rest of a weight began anew where a short horizon made it
+    """Only what cannot be negative gets stuck at zero.  The rest of a weight began anew where a short horizon made it
     smaller than zero; a pendulum that falls from 2.8 rad was then fitted from another motion, and had no weight."""
     start = build_model("joint", EFFECTS, FIRST)
     found = start.replace({"gravity_torque.phi": phase})
