@@ -60,6 +60,34 @@ def found(late_s: float) -> dict[str, float]:
     return {one.name: one.value for one in estimates}
 
 
+def switched(seed: int, volts: float, late_s: float) -> Experiment:
+    """A motor without gears to which a voltage is switched from rest and, after half the time, another one: its back
+    EMF and its dry friction act against it, and the driver acts ``late_s`` after its command."""
+    inertia, emf, dry, rate_hz = 1e-3, 0.0335, 0.345, 500.0
+    time = np.arange(0.0, 1.6, 1 / rate_hz)
+    voltage = volts * np.where(time < 0.2, 0.0, np.where(time < 0.9, 1.0, 0.6))
+    speed, since = np.zeros(time.size), time - 0.2 - late_s
+    lag, friction = inertia / emf, np.sign(volts) * dry
+    for begin, value in ((0.0, volts), (0.7, 0.6 * volts)):
+        on = since >= begin
+        first = speed[on][0]
+        end = (value - friction) / emf
+        speed[on] = end + (first - end) * np.exp(-(since[on] - since[on][0]) / lag)
+    angle = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 / rate_hz)])
+    read = angle + 2e-4 * np.random.default_rng(seed).standard_normal(time.size)
+    return Experiment(f"switched{seed}.csv", Sampled(time, voltage), time, {"position": read})
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.006, 0.012])
+def test_a_delay_longer_than_a_quarter_of_a_period_of_the_band(late_s: float) -> None:
+    """Switched voltages have several frequencies, most of them far below 50 Hz, the end of this band: the delay is found
+    to a sample and a half, and none where there is none (a step between two samples is read as a ramp)."""
+    recorded = [switched(at, volts, late_s) for at, volts in enumerate((8.0, -10.0, 12.0, -6.0))]
+    in_band, _ = Channel._of_band(recorded, 50.0)
+    assert in_band.delay_s == pytest.approx(late_s, abs=3e-3 if late_s else 1.5e-3)
+    assert Channel.of(recorded).delay_s == pytest.approx(late_s, abs=3e-3 if late_s else 1.5e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("late_s", [-0.006, 0.004, 0.01])
 def test_a_delay_is_found_and_removed(late_s: float, caplog: pytest.LogCaptureFixture) -> None:
