@@ -23,6 +23,7 @@ Steps 3 to 5 are ``lab.selection``, one search and one test for all.  It asks a 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor
 
@@ -42,6 +43,8 @@ from lostmotion.model import Model
 
 __all__ = ["explain"]
 
+log = logging.getLogger(__name__)
+
 
 def explain(
     model: Model,
@@ -56,6 +59,7 @@ def explain(
     budget_s: about how long it may take [s]; what a first search on a machine compiles does not count; spent_s: what
     reading the files has taken of it [s].  Raises ModelError where the model cannot be run on the experiments at all.
     """
+    experiments = _distinct(experiments)
     method = Method.of(model, experiments)
     in_segments = method is Method.SEGMENTS
     progress("compiling the model, once on a machine", 0.0)
@@ -66,6 +70,17 @@ def explain(
     if in_segments:
         return explained_gears(model, train, last, noise, pool, progress, budget_s, spent_s)
     return explained(model, train, last, method, noise, pool, progress, budget_s - spent_s)
+
+
+def _distinct(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """The experiments without copies, as the last one would be no unseen data; a warning reports each."""
+    found: list[Experiment] = []
+    for one in experiments:
+        if first := next((other for other in found if one.has_samples_of(other)), None):
+            log.warning("%s: has the samples of %s, and is left out", one.name, first.name)
+        else:
+            found.append(one)
+    return found
 
 
 def _split(experiments: Sequence[Experiment], is_smooth: bool) -> tuple[list[Experiment], Experiment]:

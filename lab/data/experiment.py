@@ -96,6 +96,15 @@ class Experiment:
         """Whether an input was recorded that is not zero throughout."""
         return self.drive is not None and bool(np.any(self.drive.position(self.time)))
 
+    def has_samples_of(self, other: Experiment) -> bool:
+        """Whether the readings are those of another experiment, at the same times from the first on."""
+        return (
+            self.time.size == other.time.size
+            and self.measured.keys() == other.measured.keys()
+            and np.allclose(self.time - self.time[0], other.time - other.time[0], 0.0, 1e-3 / self.rate_hz)
+            and all(np.array_equal(x, other.measured[name], equal_nan=True) for name, x in self.measured.items())
+        )
+
     def between(self, start: float, stop: float) -> Experiment:
         """The segment with start <= time < stop [s], which has at least two samples."""
         first, last = np.searchsorted(self.time, (start - 1e-9, stop - 1e-9))

@@ -112,7 +112,8 @@ def initial_point(name: str, guess: Guess, now: Regression, data: Problem) -> tu
                 points.append((now.unknowns.put(guess.model.replace(sizes), z), guess.nuisance + share * states))
     many = data.most_beside
     parts = [data.residuals(points[at : at + many]) for at in range(0, len(points), many)]
-    errors = np.sum(np.concatenate(parts) ** 2, axis=1)
+    with np.errstate(over="ignore"):  # of a motion that diverges
+        errors = np.sum(np.concatenate(parts) ** 2, axis=1)
     return points[int(np.argmin(np.where(np.isnan(errors), np.inf, errors)))]
 
 

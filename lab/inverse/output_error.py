@@ -263,14 +263,10 @@ def _simulated(
 
 
 def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
-    """The integration step of a fit [s].  It is chosen from a motion that begins at rest, or, where that motion
-    diverges, from one that begins in the measured state: a bar that softens diverges if its equilibrium is far from
-    zero.  Raises ModelError."""
-    try:
+    """The integration step of a fit [s].  A motion that no input drives begins in the measured state for it, as its
+    fastest rate may depend on how far and how fast it moves.  Raises ModelError."""
+    if any(one.experiment.is_driven for one in signals):
         return coarse_substep(model, [one.experiment for one in signals], STEPS)
-    except ModelError:
-        if any(one.experiment.is_driven for one in signals):
-            raise
     steps = []
     for one in signals:
         own = one.experiment.model(model)

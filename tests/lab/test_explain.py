@@ -12,8 +12,9 @@ from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import explain
-from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.explanation import _distinct
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Unseen, Validation
@@ -201,3 +202,14 @@ def test_units_change_nothing_of_the_errors_of_observers() -> None:
         costs.append([Follower.of(task, task.rough).cost(task.rough, coupling) for coupling in (TIGHT, STRONG, WEAK)])
     assert costs[1] == pytest.approx(costs[0], rel=1e-3)
     assert min(costs[0]) > 0.1
+
+
+def test_a_copy_of_a_recording_is_no_unseen_data(caplog: pytest.LogCaptureFixture) -> None:
+    """The same file under two names, with other times of day, is used once, and reported; what differs in one reading
+    is another recording."""
+    time = np.arange(0.0, 2.0, 0.01)
+    first = Experiment("first.csv", None, time, {"position": np.sin(time)})
+    other = Experiment("other.csv", None, time, {"position": np.sin(time) + 1e-6 * (time == 1.0)})
+    copy = Experiment("copy.csv", None, time + 3600.0, {"position": np.sin(time)})
+    assert [one.name for one in _distinct([first, other, copy])] == ["first.csv", "other.csv"]
+    assert caplog.messages == ["copy.csv: has the samples of first.csv, and is left out"]

@@ -80,7 +80,7 @@ def switched(seed: int, volts: float, late_s: float) -> Experiment:
 
 @pytest.mark.parametrize("late_s", [0.0, 0.006, 0.012])
 def test_a_delay_longer_than_a_quarter_of_a_period_of_the_band(late_s: float) -> None:
-    """Switched voltages have several frequencies, most of them far below 50 Hz, the end of this band: the delay is found
+    """Switched voltages have several frequencies, most of them far below the end of this band: the delay is found
     to a sample and a half, and none where there is none (a step between two samples is read as a ramp)."""
     recorded = [switched(at, volts, late_s) for at, volts in enumerate((8.0, -10.0, 12.0, -6.0))]
     in_band, _ = Channel._of_band(recorded, 50.0)

@@ -249,6 +249,28 @@ def test_an_effect_that_takes_too_little_alone_is_the_first_of_a_pair() -> None:
     assert set(selected(Far(measured, columns), lambda what, part: None).added) == {FIRST, SECOND}
 
 
+class Distinguished(Columns):
+    """A last recording that the second column predicts worse than the first."""
+
+    def on_last(self, one: Regressed, other: Regressed) -> Predictions | None:
+        """Each model is as far off as what it lacks."""
+        rng = np.random.default_rng(95)
+        noise, block = rng.standard_normal(SAMPLES), np.arange(SAMPLES) // BLOCK
+        off = [0.0 if FIRST in fit.model.effects else 2.0 for fit in (one, other)]
+        return Predictions((noise + off[0]) ** 2, (noise + off[1]) ** 2, block)
+
+
+def test_what_the_last_recording_distinguishes_is_not_confusable() -> None:
+    """Two columns that differ by a hundredth in the others: the one that the last one shows is named alone."""
+    columns = independent()
+    columns[SECOND] = columns[FIRST] + 0.01 * columns[SECOND]
+    measured = np.random.default_rng(0).standard_normal(SAMPLES) + 2.0 * columns[FIRST]
+    plain, search = (selected(kind(measured, columns), lambda what, part: None) for kind in (Columns, Distinguished))
+    assert plain.added == search.added == (FIRST,)
+    assert [set(group) for group in plain.confusable] == [{FIRST, SECOND}]
+    assert search.confusable == ()
+
+
 @pytest.mark.parametrize(("turns", "name"), [(0.4, "gravity_torque"), (40.0, "torque_ripple")])
 def test_of_two_pairs_that_explain_as_much_the_likely_one_is_named(turns: float, name: str) -> None:
     """The weight of an arm is a ripple once a turn: beside viscous friction a pendulum has a weight, a shaft a ripple,
