@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, mapped
 from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, without_joint
 
-__all__ = ["held", "unused"]
+__all__ = ["held", "switched", "unnamed", "unused"]
 
 RARE = 0.1
 """messages of a command for each of the readings, below which the drive holds a value until the next one: of nine
 recordings of a motor six have at most 0.0013, which changes a few times, and three, which follow a sine, 1.2"""
 POWERS = DRIVES - {"command"}
+UNNAMED = re.compile(r"column\d+")
+MOST = 8
+"""of them are read"""
+LEVELS, LEAST = 8, 100
+"""values of such a series, among so many samples, up to which it looks like a switched input: those of three motors of
+student laboratories have 2 or 3, a speed or an angle beside a swing has hundreds"""
 
 
 def held(chosen: Sequence[Chosen], parts: Sequence[Part]) -> tuple[list[Part], list[str]]:
@@ -52,6 +60,30 @@ def unused(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Ser
         f"{shown(name)} is not used, and the motion is taken as free; if that drives it, use {_drives(name)}"
         for name in _sent(others, moved[0])[:1]
     ]
+
+
+def unnamed(chosen: Sequence[Chosen], series: Sequence[Series], clock: str) -> list[str]:
+    """The series without a name that may drive the motion, where no drive is used; clock: the series that is the
+    time."""
+    columns, taken = {one.column for one in chosen}, {clock, *(one.series for one in chosen)}
+    if not columns & MOTIONS or columns & DRIVES:
+        return []
+    return [one.name for one in series if UNNAMED.fullmatch(one.name) and one.name not in taken][:MOST]
+
+
+def switched(left: Mapping[str, Part]) -> list[str]:
+    """A note on each of these series without a name, by name, that looks like a switched input."""
+    many = {name: _levels(values) for name, (_, values) in left.items() if values.size >= LEAST}
+    return [
+        f"{shown(name)} has {levels} values and is not used, and the motion is taken as free; if that drives it, use "
+        f"{mapped('torque', name)}, or for a motor's voltage {mapped('voltage', name)}"
+        for name, levels in many.items()
+        if 1 < levels <= LEVELS
+    ]
+
+
+def _levels(values: FloatArray) -> int:
+    return int(np.unique(values[np.isfinite(values)]).size)
 
 
 def _sent(names: Sequence[str], moved: str) -> list[str]:

@@ -125,3 +125,19 @@ def test_the_note_of_a_goal_says_what_to_type(tmp_path: Path) -> None:
     (note,) = [one for one in read(path).notes if "as a goal" in one]
     assert "for the base servo use --map command=u --map voltage=, or give what drives it: --map voltage=v" in note
     assert {one.column for one in read(path, "command=u", "voltage=").columns} == {"command", "position"}
+
+
+@pytest.mark.parametrize(("levels", "is_told"), [(1, False), (2, True), (3, True), (200, False)])
+def test_a_switched_input_without_a_name_is_told(levels: int, is_told: bool, tmp_path: Path) -> None:
+    """A table without a header: time, a motor's voltage in a few steps, a swing and its speed.  What never changes, and
+    what has as many values as a sensor, is not told."""
+    swing = np.sin(5 * T) * np.exp(-0.1 * T)
+    speed = np.gradient(swing, T)
+    switched = np.floor(T / T[-1] * (levels - 1e-9)) - 1.0
+    path = tmp_path / "plain.csv"
+    np.savetxt(path, np.column_stack([T, switched, swing, speed]), fmt="%.6f", delimiter=",")
+    found = read(path)
+    assert found.columns[0].series == "column3"
+    told = f"column2 has {levels} values and is not used, and the motion is taken as free"
+    assert any(note.startswith(told) for note in found.notes) is is_told
+    assert not is_told or read(path, "voltage=column2", "position=column3").recording.columns["voltage"].any()
