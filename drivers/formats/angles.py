@@ -57,7 +57,7 @@ def doubts(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Ser
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
-    if one.unit or one.why == "given" or one.factor != 1 or not values.size:
+    if one.column != "position" or one.unit or one.why == "given" or one.factor != 1 or not values.size:
         return False
     most = COUNTS if _are_whole(values) and not is_angle(one.series) else 360
     return bool(crossings(values) >= SWINGS and np.pi < np.ptp(values) / 2 <= most)

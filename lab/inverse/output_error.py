@@ -31,6 +31,7 @@ from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
+from lostmotion.model.effects import get_effect
 from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.run import run_each
@@ -263,10 +264,16 @@ def _simulated(
 
 
 def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
-    """The integration step of a fit [s].  A motion that no input drives begins in the measured state for it, as its
-    fastest rate may depend on how far and how fast it moves.  Raises ModelError."""
-    if any(one.experiment.is_driven for one in signals):
-        return coarse_substep(model, [one.experiment for one in signals], STEPS)
+    """The integration step of a fit [s].  It is chosen from a motion that begins at rest, or from one that begins in
+    the measured state: where the former diverges, as that of a bar that softens if its equilibrium is far from zero,
+    and where friction changes over a distance, which takes the longest at rest.  Raises ModelError."""
+    is_driven = any(one.experiment.is_driven for one in signals)
+    if is_driven or not any(get_effect(name).distance for name in model.effects):
+        try:
+            return coarse_substep(model, [one.experiment for one in signals], STEPS)
+        except ModelError:
+            if is_driven:
+                raise
     steps = []
     for one in signals:
         own = one.experiment.model(model)

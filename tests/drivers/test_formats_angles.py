@@ -77,3 +77,10 @@ def test_what_drives_an_axis_along_a_line_is_a_force(unit: str, si: str, tmp_pat
     assert [one.si for one in found.columns if one.column == "torque"] == [si]
     assert found.recording.unit("torque") == si
     assert [one.si for one in read(path, f"position=a:{unit}", "torque=b:N cm").columns][1] == "N m"
+
+
+def test_an_acceleration_by_itself_is_no_angle(tmp_path: Path) -> None:
+    """A plucked beam swings by more than half a turn's number, in m/s²."""
+    found = read(saved(tmp_path / "x.csv", "time,acceleration", 14 * SWING))
+    assert found.recording.columns["accel"] == pytest.approx(14 * SWING, abs=1e-3)
+    assert not [note for note in found.notes if "deg" in note]
