@@ -35,7 +35,8 @@ from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.strategy import unfitted
 from lostmotion.lab.inverse.channel import Channel
-from lostmotion.lab.inverse.likelihood import Method, is_noise
+from lostmotion.lab.inverse.fitted import is_noise
+from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.release import band_limited, released

@@ -23,8 +23,9 @@ from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Unseen, Validation, exceeds_noise
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit
-from lostmotion.lab.selection.forward import Selection, selected
+from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
+from lostmotion.lab.selection.search import Selection
 from lostmotion.lab.shooting.continuation import FIRST_S, Level
 from lostmotion.lab.shooting.task import Task, coarse_substep, dithered
 from lostmotion.model import Model, ModelError

@@ -34,8 +34,8 @@ from lostmotion.lab.gears.trials import (
 )
 from lostmotion.lab.gears.unseen import Unseen, Validation, compared
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.selection.forward import Proposals
 from lostmotion.lab.selection.nesting import others
+from lostmotion.lab.selection.search import Proposals
 from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.segment import residuals
 from lostmotion.lab.shooting.task import Task

@@ -25,15 +25,8 @@ from lostmotion.lab.fitting.identifiability import coasts, with_scale
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
-from lostmotion.lab.inverse.likelihood import (
-    Fitted,
-    Method,
-    WholeMotion,
-    error_on,
-    fit_on,
-    is_disturbed,
-    is_noise,
-)
+from lostmotion.lab.inverse.fitted import Fitted, error_on, fit_on, is_disturbed, is_noise
+from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, can_run
@@ -41,8 +34,9 @@ from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
 from lostmotion.lab.selection.evidence import Candidate, Predictions
-from lostmotion.lab.selection.forward import Selection, Step, selected
+from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
+from lostmotion.lab.selection.search import Selection, Step
 from lostmotion.lab.shooting.task import coarse_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray

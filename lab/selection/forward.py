@@ -1,21 +1,21 @@
-"""Forward selection of effects, and backward elimination: one search for every likelihood.
+"""Forward selection of effects: one search for every likelihood.
 
 A likelihood fits models and predicts unseen samples; what is a candidate, and what decides, stands here and in
 evidence.py.  Effects are added as long as one predicts unseen samples better, significantly for all candidates and by
-enough; those that later ones have made superfluous are eliminated.
+enough; those that later ones have made superfluous are eliminated (backward.py).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
 from lostmotion.lab.parallel import each
+from lostmotion.lab.selection.backward import eliminated, relabelled
 from lostmotion.lab.selection.evidence import (
     Candidate,
     Fit,
@@ -28,112 +28,12 @@ from lostmotion.lab.selection.evidence import (
     shapes_tried,
     simplest,
 )
-from lostmotion.lab.selection.nesting import reduced, simplified
-from lostmotion.model import Model
+from lostmotion.lab.selection.search import Likelihood, Selection, Step
 from lostmotion.model.effects.base import SHAFT_TURNS
 
-__all__ = ["Likelihood", "Proposals", "Selection", "Step", "named", "selected", "step"]
+__all__ = ["named", "selected", "step"]
 
 F = TypeVar("F", bound=Fit)
-
-
-@dataclass(frozen=True, eq=False)
-class Proposals(Generic[F]):
-    """Fits with one more effect each; untried: effects that were not fitted because the time was up; rejected: those
-    that the data of the fit do not show, which count as tried; detectable: the size at which they would have, with the
-    parameter's name."""
-
-    fits: Sequence[tuple[str, F]]
-    untried: tuple[str, ...] = ()
-    rejected: tuple[str, ...] = ()
-    detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-
-
-class Likelihood(Protocol[F]):
-    """What the search needs: fits, and predictions of samples that they have not seen.
-
-    pool: for predictions, in parallel; turns: of the motion;
-    is_held_out: whether the predicted samples are of recordings that no fit has used, not of folds.
-    """
-
-    @property
-    def pool(self) -> Executor | None: ...
-    @property
-    def turns(self) -> float: ...
-    @property
-    def is_held_out(self) -> bool: ...
-    @property
-    def first(self) -> F:
-        """The fit of the model as it is."""
-
-    def proposals(self, now: F, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterable[Proposals[F]]:
-        """Fits with one more effect, in batches: a later one is asked for only where none before is accepted.  only:
-        the effects that are asked for, all for ()."""
-
-    def tries_pairs(self, added: tuple[str, ...]) -> bool:
-        """Whether a pair is tried where no single effect is accepted."""
-
-    def opposed(self, now: F) -> Sequence[str]:
-        """Two effects that are tried as a pair, () for none: see ``nesting.around``."""
-
-    def accepted(self, fit: F, now: F) -> F:
-        """The fit with an effect that was accepted, from which the search goes on."""
-
-    def refitted(self, model: Model, fit: F) -> F:
-        """The fit of a model with less than that of a fit, from its values."""
-
-    def predictions(self, one: F, other: F, *, of_all: bool = False, is_last: bool = False) -> Predictions:
-        """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice; is_last:
-        in the blocks of the reported interval, as in the last fits of the search."""
-
-    def on_last(self, one: F, other: F) -> Predictions | None:
-        """Errors of two fits on the last recording; None where they cannot be compared there, and where ``predictions``
-        are of that recording."""
-
-    def least_gain(self, fit: F, now: F) -> float:
-        """The share of the squared error that an effect must take to be named."""
-
-    def is_sized(self, effect: str, fit: F) -> bool:
-        """Whether the size of an effect differs from zero."""
-
-
-@dataclass(frozen=True, eq=False)
-class Step(Generic[F]):
-    """The candidates of one step, best first; confusable: the effects that explain as much as the first; untried,
-    rejected, detectable: see ``Proposals``."""
-
-    judged: tuple[Candidate[F], ...]
-    confusable: tuple[str, ...] = ()
-    untried: tuple[str, ...] = ()
-    rejected: tuple[str, ...] = ()
-    detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-
-    @property
-    def is_accepted(self) -> bool:
-        """Whether the first effect is significant."""
-        return bool(self.judged) and self.judged[0].is_significant
-
-
-@dataclass(frozen=True, eq=False)
-class Selection(Generic[F]):
-    """added: the effects, in the order in which the search found them; fits: of the model without them, with the first,
-    with the first two, …; lacking: for each of them the fit with all others, if the elimination made one; steps: the
-    candidates of each step, the last one without success; untried: effects that were not tried beside those that were
-    added, because time ran out."""
-
-    fits: tuple[F, ...]
-    added: tuple[str, ...]
-    steps: tuple[Step[F], ...]
-    untried: tuple[str, ...] = ()
-    lacking: Mapping[str, F] = field(default_factory=dict)
-
-    @property
-    def confusable(self) -> tuple[tuple[str, ...], ...]:
-        """Each added effect with those that explained as much and were not added: two effects that are both needed are
-        not confusable."""
-        tried = [step for step in self.steps if step.judged]
-        groups = [(one.judged[0].effect, *(e for e in one.confusable if e not in self.added)) for one in tried]
-        return tuple(group for group in groups if len(group) > 1 and group[0] in self.added)
 
 
 def selected(
@@ -153,7 +53,7 @@ def selected(
             for one in several:
                 now = likelihood.accepted(one.judged[0].fit, now)
                 fits.append(now)
-                added = _relabelled([*added, one.judged[0].effect], fits[0].model.effects, now.model.effects)
+                added = relabelled([*added, one.judged[0].effect], fits[0].model.effects, now.model.effects)
             untried = found.untried
             if is_over():  # the fits of the last step, which added nothing or other effects, are incomplete
                 cut_short = steps[-1].judged[1:] if several else steps[-1].judged
@@ -161,15 +61,7 @@ def selected(
             if not several or is_over():
                 break
     own = fits[len(begun.fits) if begun else 0 :]
-    return _eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
-
-
-def _relabelled(added: Sequence[str], own: Sequence[str], effects: Sequence[str]) -> list[str]:
-    """The effects that the steps added; in the place of one that is no longer in the model is the effect that replaced
-    it, one without a step of its own or the last one."""
-    new = (effect for effect in effects if effect not in own and effect not in added)
-    place = [effect if effect in effects else next(new, added[-1]) for effect in added]
-    return list(dict.fromkeys(place))
+    return eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
 
 
 def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
@@ -280,78 +172,3 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
             alone_first = Step((first, *rest), untried=step_alone.untried)
             found.append([alone_first, replace(second, judged=(both, *second.judged[1:]))])
     return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
-
-
-def _eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]) -> Selection[F]:
-    """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, whose size
-    is no longer identified, or with which the last recording is predicted worse, as long as the estimates of the others
-    agree with their definitions.  A law gives way to its simpler part where that predicts as well.
-
-    Where one is eliminated, those that were needed beside it are asked again.  own: fits of this search.  Of one with
-    the same effects and the fit that begins without the effect the better one counts, as the latter may end in another
-    minimum.
-    """
-    first, now, added = found.fits[0].model, found.fits[-1], list(found.added)
-    left, lacking = [*added], dict[str, F]()
-
-    def refitted(model: Model) -> F:
-        return min([likelihood.refitted(model, now), *_alike(own, model)], key=lambda one: one.rms)
-
-    while left and not is_over():
-        effect = left.pop(0)
-        less, others = refitted(reduced(now.model, effect, first)), [name for name in added if name != effect]
-        if not _is_needed(effect, less, now, likelihood) and are_consistent(less.model, others):
-            now, added = less, others
-            left, lacking = [*left, *lacking], {}
-        elif (simple := simplified(now.model, effect, first)) and _is_enough(part := refitted(simple), now, likelihood):
-            now, added = part, _relabelled(added, first.effects, part.model.effects)
-        else:
-            lacking[effect] = less
-    path = _path(found.fits, now, added, refitted)
-    return replace(found, fits=path, added=tuple(added), lacking=lacking)
-
-
-def _alike(fits: Iterable[F], model: Model) -> list[F]:
-    """The fits with the effects of a model."""
-    return [one for one in fits if {*one.model.effects} == {*model.effects}]
-
-
-def _path(fits: Sequence[F], now: F, added: Sequence[str], refitted: Callable[[Model], F]) -> tuple[F, ...]:
-    """The fits with none of the added effects, with the first, the first two, …: those of the search that have no other
-    effects, else new ones.  When the time is up those of the search count as they are."""
-    path, model = [now], now.model
-    for count in reversed(range(1, len(added))):
-        model = reduced(model, added[count], fits[0].model)
-        known = _alike(fits, model)
-        path.append(min(known, key=lambda one: one.rms) if known else fits[count] if is_over() else refitted(model))
-    return (fits[0], *reversed(path)) if added else (now,)
-
-
-def _is_needed(effect: str, less: F, now: F, likelihood: Likelihood[F]) -> bool:
-    """Whether a fit without an effect is not enough, and the size of the effect is identified."""
-    return likelihood.is_sized(effect, now) and not _is_enough(less, now, likelihood)
-
-
-def _is_enough(less: F, now: F, likelihood: Likelihood[F]) -> bool:
-    """Whether a fit with less predicts as well.  The last recording decides where it prefers one of both significantly,
-    else the folds do.
-
-    The folds have the motions of the fit, to which a curve of a wrong shape can be bent: a cubic spring took a third of
-    the error of two recordings of a mass on a spring, and raised that of the third from 16 to 27 mm (p = 0.01).  Of
-    another mass, on a cart, six blocks of the folds did not show Coulomb friction (p = 0.053), which 15 % of the error
-    of the last recording did (p = 0.0005).
-    """
-    worse, better = likelihood.on_last(less, now), likelihood.on_last(now, less)
-    if better is not None and better.p_value < policy.FALSE_NAME:
-        return True
-    if worse is not None and worse.p_value < policy.FALSE_NAME:
-        return False
-    return not _is_worse(less, now, likelihood)
-
-
-def _is_worse(less: F, now: F, likelihood: Likelihood[F]) -> bool:
-    """Whether a fit with less predicts significantly worse.  Where it falls far behind, its predictions, which take
-    time, are not computed."""
-    if less.rms > policy.BEHIND * now.rms:
-        return True
-    return likelihood.predictions(less, now, is_last=True).p_value < policy.FALSE_NAME

@@ -15,7 +15,7 @@ from lostmotion.lab.deadline import is_over
 from lostmotion.lab.design.next_experiment import what_to_record
 from lostmotion.lab.results import Estimate, Ranked, Rung
 from lostmotion.lab.selection.evidence import Candidate, Fit
-from lostmotion.lab.selection.forward import Selection
+from lostmotion.lab.selection.search import Selection
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import ModelError
 

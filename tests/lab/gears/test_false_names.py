@@ -21,8 +21,9 @@ from lostmotion.lab.gears import likelihood, score_test
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.trials import Trial
 from lostmotion.lab.gears.unseen import Unseen, Validation
-from lostmotion.lab.selection.forward import Selection, selected
+from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.nesting import others
+from lostmotion.lab.selection.search import Selection
 from lostmotion.lab.shooting.continuation import Level, tiles
 from lostmotion.lab.shooting.initial_guess import faint, scales_of
 from lostmotion.lab.shooting.least_squares import projected_off

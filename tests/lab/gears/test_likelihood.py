@@ -15,8 +15,9 @@ from lostmotion.lab.fitting.strategy import doubled, full_fit
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.score_test import Direction, Scores
 from lostmotion.lab.gears.unseen import Unseen
-from lostmotion.lab.selection.forward import Selection, _eliminated
+from lostmotion.lab.selection.backward import eliminated
 from lostmotion.lab.selection.nesting import without
+from lostmotion.lab.selection.search import Selection
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.simulated_gears import GEARS, gears
@@ -121,7 +122,7 @@ def test_of_two_nested_laws_the_one_that_is_needed_is_named(named: str, hidden: 
         likelihood = ShortSegments(full_fit(model, task), unseen := Unseen(last, task, 0.5, pool))
         level = full_fit(wide, task)
         now = SegmentFit(level, level, unseen.validate(level.model), 1.0)
-        found = _eliminated(Selection((likelihood.first, now), ("stribeck_friction",), ()), likelihood, ())
+        found = eliminated(Selection((likelihood.first, now), ("stribeck_friction",), ()), likelihood, ())
     assert found.added == (named,)
     assert found.fits[-1].model.effects == (named,)
     assert found.fits[-1].rms == pytest.approx(1.0, abs=0.15)

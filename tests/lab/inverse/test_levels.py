@@ -10,7 +10,8 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse.likelihood import Fitted, Method, WholeMotion
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.selection.forward import Selection, selected
+from lostmotion.lab.selection.forward import selected
+from lostmotion.lab.selection.search import Selection
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
 

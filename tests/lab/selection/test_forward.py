@@ -10,10 +10,12 @@ import pytest
 
 from lostmotion.lab import policy
 from lostmotion.lab.results import Ranked
+from lostmotion.lab.selection.backward import _is_enough, eliminated
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.selection.forward import Proposals, Selection, _eliminated, _is_enough, selected
+from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.selection.outcome import ranking, unshown
+from lostmotion.lab.selection.search import Proposals, Selection
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
 
@@ -370,7 +372,7 @@ def test_without_a_law_that_replaced_a_part_of_the_model_that_is_back(hidden: st
     columns = {name: rng.standard_normal(SAMPLES) for name in (COULOMB, STRIBECK)}
     search = Nested(columns[hidden] + 0.1 * rng.standard_normal(SAMPLES), columns)
     fits = search.first, search.fit([STRIBECK])
-    ended = _eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
+    ended = eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
     assert ended.fits[-1].model.effects == (hidden,)
     assert ended.added == ((STRIBECK,) if hidden == STRIBECK else ())
 
@@ -394,7 +396,7 @@ def test_a_law_gives_way_to_its_part_where_the_last_recording_contradicts_it() -
     columns = {name: rng.standard_normal(SAMPLES) for name in (COULOMB, STRIBECK)}
     search = Sliding(columns[COULOMB] + columns[STRIBECK] + 0.1 * rng.standard_normal(SAMPLES), columns)
     fits = search.first, search.fit([COULOMB]), search.fit([STRIBECK])
-    ended = _eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
+    ended = eliminated(Selection(fits, (STRIBECK,), ()), search, fits)
     assert ended.fits[-1].model.effects == (COULOMB,)
     assert ended.added == (COULOMB,)
 
@@ -472,7 +474,7 @@ class Confirmed(Columns):
         return super().predictions(one, other)
 
 
-def test_what_the_last_recording_shows_is_not_eliminated() -> None:
+def test_what_the_last_recording_shows_is_noteliminated() -> None:
     """An effect that the longer blocks of the elimination show no more."""
     columns = independent()
     noise = np.random.default_rng(1).standard_normal(SAMPLES)

@@ -1,0 +1,111 @@
+"""A fit of the search, the same model on another recording, and what is left of both."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from lostmotion.lab import policy
+from lostmotion.lab.deadline import within
+from lostmotion.lab.inverse.effect_sizes import uncertainty
+from lostmotion.lab.inverse.output_error import OutputError
+from lostmotion.lab.inverse.problem import InverseModel
+from lostmotion.lab.inverse.regression import Regression, regressed
+from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.shooting.parameters import held
+from lostmotion.model import Model, ModelError
+from lostmotion.model.motion import FloatArray
+
+__all__ = ["Fitted", "error_on", "fit_on", "is_disturbed", "is_noise"]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A model of the search with its fits.
+
+    inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  This
+    is a generalised least-squares fit where the misfit of a torque is whitened, else ``inverse``; by_acceleration: see
+    ``screened``.
+    """
+
+    inverse: Regression
+    judged: Regression
+    by_acceleration: float | None = None
+
+    @property
+    def surest(self) -> Regression:
+        """The fit to report: of the least-squares and the generalised least-squares fit of a torque the one with the
+        smaller relative deviations of its effects.  Whitening gives more weight to high frequencies, where the noise of
+        an angle dominates its speed."""
+        return self.judged if self.judged is self.inverse else min(self.inverse, self.judged, key=uncertainty)
+
+    @property
+    def model(self) -> Model:
+        """The model of the fit for predictions."""
+        return self.judged.model
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error of the fit for predictions."""
+        return self.judged.rms
+
+    @property
+    def screened(self) -> float:
+        """Root mean square error of the fit to select candidates with.  For a candidate of a free motion this is the
+        error of the present model times the ratio of their errors of the acceleration, as a swing with its weight but
+        without its damping is out of phase."""
+        return self.inverse.rms if self.by_acceleration is None else self.by_acceleration
+
+    @property
+    def count(self) -> int:
+        """The number of fitted parameters; the initial values of a mode count."""
+        return self.judged.count + self.judged.nuisance.size
+
+
+def error_on(fit: Regression, unseen: Signals) -> float:
+    """Root mean square error of a fitted model on an unseen recording, in the unit of the problem; infinite where the
+    motion cannot be simulated."""
+    there = fit_on(fit, unseen)
+    return there.error if there else math.inf
+
+
+@lru_cache(maxsize=64)  # each candidate is compared with several others
+def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
+    """The fitted model on an unseen recording, on which only the nuisance parameters (initial state, zero angle) are
+    fitted; None where the motion cannot be simulated.  A later part of a fitted recording has the zero of that one."""
+    known = held(fit.model, fit.unknowns.names)
+    with suppress(ModelError), within(math.inf):  # a fit that is cut short would be reported as the effect's error
+        if isinstance(fit.data, OutputError):
+            is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
+            data = OutputError.of([unseen], known, fit.data.substep_s)
+            return regressed(known, replace(data, is_anchored=is_part))
+        colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
+        return regressed(
+            known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)
+        )
+    return None
+
+
+def is_disturbed(fit: Regression) -> bool:
+    """Whether the misfit of a measured torque is a larger share of its variance than an effect has to take
+    (``policy.LEAST_GAIN``), as where the neighbours of a joint move it: for two joints of arms the share is 0.36 and
+    0.9, for six other joints and motors at most 0.02."""
+    if not isinstance(fit.data, InverseModel):
+        return False
+    torque = np.concatenate([one.filtered(one.torque) for one in fit.data.signals])
+    return fit.error**2 > policy.LEAST_GAIN * float(torque.var())
+
+
+def is_noise(residual: FloatArray, floor: float) -> bool:
+    """Whether a residual (M,) is no larger than the noise of the sensors within the band; floor: its root mean square.
+
+    The lower end of a 95 % interval of its standard deviation is compared with ``policy.STRUCTURED`` times the noise.
+    The deviation is estimated by the median absolute deviation, as that is robust to transients of the filter at the
+    ends of a recording.  Its relative standard error is 1.17 / sqrt(N) for N independent normal values.
+    """
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size)) < policy.STRUCTURED * floor
