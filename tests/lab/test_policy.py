@@ -40,7 +40,7 @@ NUMERICS = {
     "gears/trials.py": (1, "steps of a fit"),
     "gears/unseen.py": (2, "length of segments, steps of a fit"),
     "inverse/candidates.py": (5, "first values and steps of a fit"),
-    "inverse/first_values.py": (4, "zero angles, rounding, a small part of an effect, shares of a step"),
+    "inverse/first_values.py": (5, "zero angles, rounding, a small part of an effect, first values, shares of a step"),
     "inverse/explain.py": (2, "what is drawn, and which motor is told"),
     "inverse/output_error.py": (8, "length, horizons, rate and integration step of what is simulated"),
     "inverse/problem.py": (4, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
