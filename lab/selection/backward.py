@@ -54,12 +54,15 @@ def _alike(fits: Iterable[F], model: Model) -> list[F]:
 
 def _path(fits: Sequence[F], now: F, added: Sequence[str], refitted: Callable[[Model], F]) -> tuple[F, ...]:
     """The fits with none of the added effects, with the first, the first two, …: those of the search that have no other
-    effects, else new ones.  When the time is up those of the search count as they are."""
+    effects, else new ones, or what the search had there where the time is up before they end."""
     path, model = [now], now.model
     for count in reversed(range(1, len(added))):
         model = reduced(model, added[count], fits[0].model)
         known = _alike(fits, model)
-        path.append(min(known, key=lambda one: one.rms) if known else fits[count] if is_over() else refitted(model))
+        if not known and not is_over():
+            new = refitted(model)
+            known = [] if is_over() else [new]
+        path.append(min(known, key=lambda one: one.rms, default=fits[count]))
     return (fits[0], *reversed(path)) if added else (now,)
 
 
