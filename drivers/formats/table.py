@@ -144,7 +144,7 @@ class Table:
         """The first series that only ascends, and does not count the rows unless its name says how often, which may be
         the times; and ``:unit``, or ``*factor`` by the rate in its name."""
         steps = {name: each[~np.isnan(each)] for name, each in self._steps.items()}
-        rises = {name: each for name, each in steps.items() if np.mean(each > 0) > MOST_STEPS}
+        rises = {name: each for name, each in steps.items() if np.sum(each > 0) > MOST_STEPS * each.size}
         found = [name for name, each in rises.items() if (each >= 0).all()]
         counts = (name for name, each in rises.items() if rate_of(name) and np.mean(each < 0) < SELDOM)
         if name := next(counts, ""):

@@ -62,6 +62,7 @@ class Guess:
     tangent: FloatArray
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of motions that diverge
 def guesses(name: str, shapes: Sequence[Model], now: Regression, data: Problem) -> list[Guess]:
     """The guesses for an effect of these shapes, that with the largest gain first.  Shapes that the motion does not
     cover, or that do not change the residual, are left out, and also those for which the time is over."""
@@ -111,6 +112,7 @@ def _guess(
     return Guess(gain, shape.replace(sizes), nuisance, factor * change, factor * tangent)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of motions that diverge
 def initial_point(name: str, guess: Guess, now: Regression, data: Problem) -> tuple[Model, FloatArray]:
     """The model and the nuisance parameters (E,) from which the fit with one more effect begins: where nothing is
     simulated those of the guess.
@@ -138,8 +140,7 @@ def initial_point(name: str, guess: Guess, now: Regression, data: Problem) -> tu
     points = [point for point in points if _is_possible(point[0], names, data)] or points[:1]
     many = data.most_beside
     parts = [data.residuals(points[at : at + many]) for at in range(0, len(points), many)]
-    with np.errstate(over="ignore"):  # of a motion that diverges
-        errors = np.sum(np.concatenate(parts) ** 2, axis=1)
+    errors = np.sum(np.concatenate(parts) ** 2, axis=1)
     return points[int(np.argmin(np.where(np.isnan(errors), np.inf, errors)))]
 
 

@@ -29,6 +29,7 @@ def refusing(data: bytes) -> bool:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_few_of_each_kind(capsys: pytest.CaptureFixture[str]) -> None:
     """300 inputs of all twelve kinds: none is bad, most are refused (MCAP is read up to the damage), some taken."""
     assert fuzz.main(["--inputs", "300", "--seed", "7"]) == 0
