@@ -35,7 +35,7 @@ found in a simulated joint that has none, and the inertia at a screw was 4.7e-4 
 LONGEST, DELAYS = 0.25, 20
 """Longest delay that is tried, in periods of the root mean square frequency of the torque, as a sine beyond a quarter
 of a period leads instead of following, but at most one period of the end of the band; and the number of delays in a
-quarter of the latter. While a quarter of it was the longest, no delay was found of a geared motor to which voltages
+quarter of the latter.  While a quarter of it was the longest, no delay was found of a geared motor to which voltages
 are switched (12 ms, in a band of 50 Hz), which had Stribeck friction, nor of one under chirps (6.5 ms): 0.37 instead
 of 0.14 V were left."""
 log = logging.getLogger(__name__)
@@ -263,7 +263,7 @@ def _delayed(usual: _UsualJoint) -> tuple[float, _JointFit]:
     with several frequencies: in a sinusoid a torque in phase with the speed is friction, one out of phase inertia.
     """
     now, end_hz = usual.fit(), max(one.band_hz for one in usual.signals)
-    most = min(max(LONGEST / usual.torque_hz, LONGEST / end_hz), 1 / end_hz)
+    most = LONGEST / min(max(usual.torque_hz, LONGEST * end_hz), end_hz)
     many = 2 * math.ceil(most * end_hz / LONGEST * DELAYS) + 1
     delays = np.linspace(-most, most, many)
     fits = [usual.fit(float(delay)) for delay in delays]

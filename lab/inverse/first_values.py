@@ -117,18 +117,18 @@ def initial_point(name: str, guess: Guess, now: Regression, data: Problem) -> tu
     """The model and the nuisance parameters (E,) from which the fit with one more effect begins: where nothing is
     simulated those of the guess.
 
-    The step from the present fit is that of ``_first_order``: all other parameters change as well. Of the shares t
-    = 1, 1/2, 1/4 … of it that with the least error is taken. As the present fit is t = 0, the error decreases with
-    a small share. With the other parameters unchanged, 110 of 1743 fits of the search ended with a larger error
-    than without the effect, and some at a thousand times its square: drag takes the place of a viscous friction
-    only if that becomes smaller. Servos, whose models are simulated one after the other, begin at the guess: with
-    this step the search of an STS3215 took over 84 s of processor time instead of 35.
+    The step from the present fit is that of ``_first_order``: all other parameters change as well.  Of ``SHARES`` of it
+    that with the least error is taken.  As no share is the present fit, the error decreases with a small one.  With the
+    other parameters unchanged, 110 of 1743 fits of the search ended with a larger error than without the effect, and
+    some at a thousand times its square: drag takes the place of a viscous friction only if that becomes smaller.
+    Servos, whose models are simulated one after the other, begin at the guess: with this step the search of an STS3215
+    took over 84 s of processor time instead of 35.
     """
     if not isinstance(data, OutputError) or data.most_beside == 1:
         return guess.model, guess.nuisance
     names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
     (low, high), points = now.unknowns.bounds, [(guess.model, guess.nuisance)]
-    for change in (guess.change, guess.tangent):
+    for change in [guess.change, *([guess.tangent] if names else [])]:  # the same where there is no amplitude
         amplitude, step = _first_order(guess, change, now, names)
         own = step[now.count :].reshape(len(data.signals), -1)
         states = np.pad(own, ((0, 0), (0, guess.nuisance.size // len(own) - own.shape[1]))).ravel()
@@ -137,21 +137,27 @@ def initial_point(name: str, guess: Guess, now: Regression, data: Problem) -> tu
             z = np.clip(now.z + share * step[: now.count], low, high)
             with suppress(ModelError):
                 points.append((now.unknowns.put(guess.model.replace(sizes), z), guess.nuisance + share * states))
-    points = [point for point in points if _is_possible(point[0], names, data)] or points[:1]
+    points = _possible(points, names, data) or points[:1]
     many = data.most_beside
     parts = [data.residuals(points[at : at + many]) for at in range(0, len(points), many)]
     errors = np.sum(np.concatenate(parts) ** 2, axis=1)
     return points[int(np.argmin(np.where(np.isnan(errors), np.inf, errors)))]
 
 
-def _is_possible(model: Model, names: Sequence[str], data: Problem) -> bool:
-    """Whether the torques (forces) of an effect, by their amplitudes, are at most ``POSSIBLE`` times the largest one
+def _possible(
+    points: list[tuple[Model, FloatArray]], names: Sequence[str], data: Problem
+) -> list[tuple[Model, FloatArray]]:
+    """The points with torques (forces) of an effect, by their amplitudes, of at most ``POSSIBLE`` times the largest one
     that the inertia has in a motion that no input drives."""
     if data.is_driven:
-        return True
-    largest = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
-    torques = (p for p in (model.parameters[full] for full in names) if p.unit in ("N m", "N"))
-    return all(abs(p.value) <= POSSIBLE * largest for p in torques)
+        return points
+    largest = POSSIBLE * max(float(np.abs(one.acceleration).max()) for one in data.signals)
+    torques = [full for full in names if points[0][0].parameters[full].unit in ("N m", "N")]
+    return [
+        (model, nuisance)
+        for model, nuisance in points
+        if all(abs(model.parameters[full].value) <= largest * inertia_of(model) for full in torques)
+    ]
 
 
 def _first_order(guess: Guess, change: FloatArray, now: Regression, names: Sequence[str]) -> tuple[float, FloatArray]:

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments
 from lostmotion.lab.inverse.candidates import sizes_of
-from lostmotion.lab.inverse.first_values import _is_possible, guesses, initial_point
+from lostmotion.lab.inverse.first_values import _possible, guesses, initial_point
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -65,4 +65,4 @@ def test_no_fit_begins_with_an_impossible_torque(times: float, is_possible: bool
     data = fitted(swing, 0.025).data
     largest = J * float(np.abs(data.signals[0].acceleration).max())
     model = build_model("joint", ["coulomb_friction"], {"coulomb_friction.tau_c": times * largest, "J": J})
-    assert _is_possible(model, ["coulomb_friction.tau_c"], data) is is_possible
+    assert bool(_possible([(model, data.nuisance)], ["coulomb_friction.tau_c"], data)) is is_possible
