@@ -32,7 +32,8 @@ HIDDEN = {
               "gravity_torque+coulomb_friction", "quadratic_damping", "torque_ripple", "load_dependent_friction",
               "stribeck_friction", "spring_torque"),
     "servo": ("none", "coulomb_friction", "gravity_torque", "gravity_torque+coulomb_friction",
-              "load_dependent_friction", "torque_ripple", "command_delay", "actuator_lag", "quadratic_damping"),
+              "load_dependent_friction", "torque_ripple", "command_delay", "actuator_lag", "quadratic_damping",
+              "velocity_limit"),
     "oscillator": ("none", "coulomb_friction", "hardening_spring", "quadratic_damping", "second_mode", "sensor_lag",
                    "clock_skew", "bias_drift", "sensor_saturation"),
 }  # fmt: skip

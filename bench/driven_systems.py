@@ -26,6 +26,10 @@ SHARP = 300.0
 """Usual speed over the width within which dry friction changes sign."""
 SECOND_DAMPING, LAG, SKEW = 0.02, 0.05, 2e-3
 """Of the second mode; the sensor's lag in periods of the resonance; of the sensor's clock."""
+PROFILE_S = 1e-3
+"""Step of the profile of a servo with a limited speed [s]: a servo's own loop runs at a kilohertz."""
+SPEED = 3.5
+"""Usual speed of a servo's goal, in its swing [rad/s]."""
 FINER = 16
 """Times in the step of a recording at which what a sensor with a lag feels is linear in between.  With the samples
 alone, twelve in a period of the fastest tone, its amplitude was 2 % too small there, and a second mode was named for it
@@ -157,7 +161,7 @@ class Joint:
 @dataclass(frozen=True)
 class Servo:
     """A servo as the base describes it (12 V, 4.4 Ohm, 1.2 N m/A, a duty of 5.28 a radian), behind a delay or a lag
-    [s], recorded by its goal and angle."""
+    [s] or a limit of its speed, recorded by its goal and angle.  limit [rad/s]."""
 
     inertia: float
     law: Law
@@ -166,23 +170,27 @@ class Servo:
     rate: float
     noise: float
     swing: float
+    limit: float = math.inf
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, effects: tuple[str, ...]) -> Servo:
         """One of 5e-3 to 5e-2 kg m²."""
-        return cls(
+        servo = cls(
             10 ** rng.uniform(-2.3, -1.3), Law.drawn(rng, effects, 1.0, 2.5),
             rng.uniform(0.015, 0.05) * ("command_delay" in effects),
             rng.uniform(0.02, 0.06) * ("actuator_lag" in effects),
             float(rng.choice([50, 100, 200])), 10 ** rng.uniform(-3.7, -3), rng.uniform(0.3, 0.7),
         )  # fmt: skip
+        is_limited = "velocity_limit" in effects
+        return replace(servo, limit=rng.uniform(0.6, 1.4) * SPEED * servo.swing) if is_limited else servo
 
     def record(self, rng: np.random.Generator, name: str) -> Recording:
         """One recording of it, which begins when it moves already."""
         goal, _, _ = tones(rng, 0.2, 1.5, self.swing)
+        asked = self._limited(goal) if math.isfinite(self.limit) else goal
 
         def slope(t: float, x: FloatArray) -> list[float]:
-            aim = goal(t - self.delay)
+            aim = asked(t - self.delay)
             duty = min(max(5.28 * ((x[2] if self.lag else aim) - x[0]), -1.0), 1.0)
             load = 1.2 * (duty * 12 - 1.2 * x[1]) / 4.4
             torque = load - 0.08 * x[1] + self.law(x[0], x[1], load)
@@ -195,6 +203,15 @@ class Servo:
             "command": np.array([goal(t) for t in time[kept]]),
             "position": states[kept, 0] + self.noise * rng.standard_normal(int(kept.sum())),
         }, name=name)  # fmt: skip
+
+    def _limited(self, goal: Function) -> Function:
+        """The goal as a profile with a limited speed follows it, in steps of ``PROFILE_S``."""
+        time = np.arange(0.0, LEAD_S + DURATION_S, PROFILE_S)
+        wanted = np.array([goal(t) for t in time])
+        step, followed_goal = self.limit * PROFILE_S, wanted.copy()
+        for n in range(1, time.size):
+            followed_goal[n] = followed_goal[n - 1] + min(max(wanted[n] - followed_goal[n - 1], -step), step)
+        return lambda t: float(np.interp(t, time, followed_goal))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ that, to first order, explain most of the residual of the present fit.  No selec
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from lostmotion.lab.shooting.parameters import free_names, held
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import ActsOn, Effect
-from lostmotion.model.effects.guesses import MotionScales
+from lostmotion.model.effects.guesses import MotionScales, Values
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
@@ -184,19 +184,53 @@ def _fitted_from_acceleration(
 
 
 def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
-    """The fit of a simulated motion with an effect that delays the command, from ``TRAILS`` of the time by which the
-    motion trails it.  That is held for the first steps, as the inertia and the damping of the present fit have absorbed
-    the delay, and of the three poles of a servo behind a lag any one may be the lag."""
-    effect = get_effect(name)
-    if effect.acts_on is not ActsOn.COMMAND or not effect.delays_by or is_over():
+    """The fit of a simulated motion with an effect by which an actuator trails its command.
+
+    The inertia and the damping of the present fit have absorbed it, and of the three poles of a servo behind a lag any
+    one may be the lag.  So the best of its first values is held for the first steps, once beside the present values of
+    the others, and once beside those of the model file from the measured initial state.
+    """
+    if get_effect(name).acts_on is not ActsOn.COMMAND:
         return None
-    lateness = [np.sum((one.driving - one.position) * one.velocity) for one in data.signals]
-    trail = float(sum(lateness) / sum(np.sum(one.velocity**2) for one in data.signals))
-    full = f"{name}.{effect.delays_by}"
-    late = wide.replace({full: wide.parameters[full].clipped(TRAILS * trail)})
-    suited = data.suited([late])
-    begun = tried(held(late, [full]), [suited], suited.begun(late, now.nuisance), SHORT)
-    return begun and tried(begun.model.replace({full: late.parameters[full]}), [suited], begun.nuisance, SHORT)
+    first, names = _trailing(name, wide, now), [one for one in free_names(wide) if one.startswith(f"{name}.")]
+    begun = []
+    for beside, nuisance in ((wide, now.nuisance), (with_values(wide, data.prior_centre), data.nuisance)):
+        starts = [_Start.of(beside.replace(values), nuisance, data) for values in first]
+        best = min(starts, key=lambda one: one.rms)
+        if not is_over() and (fit := tried(held(best.model, names), [best.data], best.nuisance, SHORT)):
+            begun.append(fit)
+    nearest = min(begun, key=lambda one: one.rms, default=None)
+    if not nearest:
+        return None
+    freed = {full: replace(wide.parameters[full], value=nearest.model.parameters[full].value) for full in names}
+    return tried(nearest.model.replace(freed), [nearest.data], nearest.nuisance, SHORT)
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where a fit to a simulated motion begins; rms: root mean square of its residual there."""
+
+    model: Model
+    data: OutputError
+    nuisance: FloatArray
+    rms: float
+
+    @classmethod
+    def of(cls, model: Model, nuisance: FloatArray, data: OutputError) -> _Start:
+        """With the step and the free states that the model needs."""
+        suited = data.suited([model])
+        begun = suited.begun(model, nuisance)
+        return cls(model, suited, begun, rms(suited.residual(model, begun)))
+
+
+def _trailing(name: str, wide: Model, now: Regression) -> list[Values]:
+    """First values of an effect by which an actuator trails its command: ``TRAILS`` of the time by which it does."""
+    if not (delay := get_effect(name).delays_by):
+        return initial_guesses(wide, name, sizes_of(now.model, now.data))
+    lateness = [np.sum((one.driving - one.position) * one.velocity) for one in now.data.signals]
+    trail = float(sum(lateness) / sum(np.sum(one.velocity**2) for one in now.data.signals))
+    full = f"{name}.{delay}"
+    return [{full: wide.parameters[full].clipped(TRAILS * trail)}]
 
 
 def _follow_motion(model: Model) -> bool:

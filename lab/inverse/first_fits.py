@@ -51,7 +51,11 @@ def _fits(models: Sequence[Model], signals: Sequence[Signals]) -> list[Regressio
     for model in models:
         with suppress(ModelError):
             begun.append((model, OutputError.of(signals, model)))
-    return [fit for start, data in _promising(begun) if (fit := tried(start, data.horizons, data.nuisance))]
+    return [
+        fit
+        for start, data in _promising(begun)
+        if (fit := tried(start, data.horizons, data.begun(start, data.measured)))
+    ]
 
 
 def _promising(begun: list[tuple[Model, OutputError]]) -> list[tuple[Model, OutputError]]:

@@ -110,6 +110,11 @@ class OutputError(Problem):
         starts = ([one.position[0], one.velocity[0], *self._settled(self.prior_centre, one)] for one in self.signals)
         return np.array([value for start in starts for value in start])
 
+    @property
+    def measured(self) -> FloatArray:
+        """The initial position and speed of each recording in the filtered signals (2 R,)."""
+        return np.array([value for one in self.signals for value in (one.position[0], one.velocity[0])])
+
     def starts(self, nuisance: FloatArray) -> FloatArray:
         """The initial position, speed and free states of each recording (R, K)."""
         return nuisance.reshape(len(self.signals), -1)

@@ -1,4 +1,5 @@
-"""First-order lags, each with a state of its own: of the actuator on the command, of the sensor's filter."""
+"""What follows its input late, with a state of its own: an actuator with a lag or a limit of its speed, a sensor's
+filter."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import COMMAND, OMEGA1, SENSOR, THETA1, TIP
 
-__all__ = ["ACTUATOR_LAG", "SENSOR_LAG"]
+__all__ = ["ACTUATOR_LAG", "SENSOR_LAG", "VELOCITY_LIMIT"]
 
 COMMANDED = ("play", "servo")
 SENSED = ("play", "oscillator")
@@ -24,6 +25,13 @@ _T = Parameter(1e-3, "s", 5e-5, 0.1, False, "guess: a 160 Hz filter", "time cons
 def lagged_angle(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     """x' = (theta_1 - x)/T; theta_1 becomes x; p: T."""
     dx[0] = (s[THETA1] - x[0]) / p[0]
+    return x[0] - s[THETA1]
+
+
+@kernel
+def limited_angle(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """x' = theta_1' + (theta_1 - x)/T within ±omega_max; theta_1 becomes x; p: omega_max, T."""
+    dx[0] = min(max(s[OMEGA1] + (s[THETA1] - x[0]) / p[1], -p[0]), p[0])
     return x[0] - s[THETA1]
 
 
@@ -71,6 +79,28 @@ ACTUATOR_LAG = Effect(
         "Look at the servo's gains and its limits of speed and acceleration; a low supply voltage makes it slow too.",
     ),
 )
+VELOCITY_LIMIT = Effect(
+    id="velocity_limit",
+    equation="|theta_1'| <= omega_max",
+    summary="the actuator follows its command no faster than this",
+    acts_on=ActsOn.COMMAND,
+    bases=("servo",),
+    parameters={
+        "omega_max": Parameter(2.0, "rad/s", 1e-3, 1e3, False, "guess: a third of an STS3215's speed without a load",
+                               "largest speed", Domain.POSITIVE),
+        "T": Parameter(5e-4, "s", 1e-4, 0.1, True, "convention: 3e-3 is 1.7 mrad off at reversals",
+                       "time constant of the approach to the command", Domain.POSITIVE),
+    },
+    terms=on(("servo",), Term(THETA1, limited_angle, ("omega_max", "T")), Term(OMEGA1, lagged_rate, ())),
+    states=(COMMAND,),
+    rate=_rate,
+    guesses=lambda scales: grid(omega_max=[share * scales.speed for share in (1.0, 1.25, 1.6, 2.0, 2.5, 3.2)]),
+    words=Words(
+        "a limit of the speed",
+        "The servo follows its command no faster than {omega_max}.",
+        "Look at the profile velocity or goal speed that is set in the servo, and whether the commands need more.",
+    ),
+)  # fmt: skip
 SENSOR_LAG = Effect(
     id="sensor_lag",
     equation="T a_s' + a_s = a",

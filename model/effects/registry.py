@@ -19,6 +19,7 @@ _EFFECTS: dict[str, Effect] = {
     effect.id: effect
     for effect in (
         clock.COMMAND_DELAY,
+        lag.VELOCITY_LIMIT,
         lag.ACTUATOR_LAG,
         shaft.FINITE_ACTUATOR,
         gears.GEAR_ECCENTRICITY,

@@ -72,6 +72,22 @@ def test_servo_reaches_its_command_or_is_let_go() -> None:
     assert servo.simulate(None, TIMES, [0.0, 1.5])["position"][-1] == pytest.approx(3.0)
 
 
+def test_a_limited_servo_moves_at_the_limit() -> None:
+    """A goal 1 rad away is approached at the limit of 0.5 rad/s for two seconds, at a distance of v (kt/U)/(kp e); a
+    goal that moves more slowly is followed as without the limit."""
+    servo = build_model("servo", ["velocity_limit"], {"velocity_limit.omega_max": 0.5})
+    times = np.arange(0.0, 4.0, 0.01)
+    start = [0.0, 0.0, 0.0]
+    run = servo.simulate(Sampled([0.0, 4.0], [1.0, 1.0]), times, start)
+    behind = 0.5 * 1.2 / 12.0 / (32.0 * 0.165)
+    assert run["velocity"][100] == pytest.approx(0.5, rel=1e-3)
+    assert run["position"][150] == pytest.approx(0.75 - behind, abs=1e-3)
+    assert run["position"][-1] == pytest.approx(1.0, abs=1e-3)
+    slow = Sampled([0.0, 4.0], [0.0, 1.0])
+    bare = build_model("servo").simulate(slow, times, start[:2])["position"]
+    assert servo.simulate(slow, times, start)["position"] == pytest.approx(bare, abs=5e-4)
+
+
 def test_capped_servo_speed() -> None:
     """Far from its command the servo runs at its no-load speed, cap U / kt."""
     servo = build_model("servo", (), {"cap": 0.5})

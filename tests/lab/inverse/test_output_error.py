@@ -22,6 +22,7 @@ from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab import experiments
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.inverse.candidates import SHORT, fitted_with, refined
+from lostmotion.lab.inverse.first_fits import first_fits
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -303,3 +304,18 @@ def test_a_lag_is_not_taken_for_another_pole_of_the_servo() -> None:
     fit = refined(candidate)
     assert fit.model.parameters["actuator_lag.T"].value == pytest.approx(0.0359, rel=0.03)
     assert fit.rms == pytest.approx(2.5e-4, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_servo_with_a_limit_of_its_speed() -> None:
+    """A profile in steps of a millisecond follows the goal no faster than 1.57 rad/s.  The present fit has five times
+    the torque constant, from which no fit finds the limit; beside the values of the file it is found to 1 %."""
+    case = Case("servo", "velocity_limit", 4000)
+    recorded = case.recordings()[:2]
+    model = build_model("servo", ["viscous_friction"])
+    signals = [Signals.of(one, is_force=False) for one in experiments(model, recorded)]
+    now = min(first_fits(model, signals), key=lambda one: one.rms)
+    candidate = fitted_with(("velocity_limit", model.with_effect("velocity_limit")), now, {})
+    assert candidate
+    assert candidate.rms < now.rms / 20
+    assert candidate.model.parameters["velocity_limit.omega_max"].value == pytest.approx(1.5646, rel=0.01)
