@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lostmotion.drivers.errors import RecordingError
@@ -22,7 +23,7 @@ from lostmotion.drivers.formats.words import (
     speed_of,
     unit_of,
 )
-from lostmotion.drivers.units import COLUMN_UNITS, to_si
+from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS, to_si
 
 __all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told"]
 
@@ -34,6 +35,9 @@ FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
+
+Span = Callable[[str], tuple[float, float]]
+"""The least and the largest number of a series, by its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +66,16 @@ class Guess:
 
 
 def guessed(
-    series: Sequence[Series], choice: Choice, name: str, clock: str = "", moving: Mapping[str, str] | None = None
+    series: Sequence[Series],
+    choice: Choice,
+    name: str,
+    clock: str = "",
+    moving: Mapping[str, str] | None = None,
+    span: Span = lambda name: (-math.inf, math.inf),
 ) -> Guess:
     """The columns of a recording.  name: of the file, in errors; clock: the series that is the time although its name
-    does not say so; moving: by column the axis that moves most.  Raises RecordingError."""
+    does not say so; moving: by column the axis that moves most; span: the least and the largest number of a series,
+    for what is suggested.  Raises RecordingError."""
     candidates = _candidates([one for one in series if one.name != clock], choice)
     _check_topics(series, choice.topics, name)
     joint = _joint(candidates, choice, name)
@@ -91,7 +101,7 @@ def guessed(
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
         several = [note for note in notes if note.startswith("accel")]
-        advice = " ".join(several) or _advice(series, clock, moving or {})
+        advice = " ".join(several) or _advice(series, clock, moving or {}, span)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
@@ -111,9 +121,9 @@ def _inferred(
         found, notes = found | speed, notes + note
     if MOTIONS & {*chosen, *found} and not DRIVES & {*chosen, *choice.terms}:
         driven, note = _input(series, joint)
-        found |= driven if "force" not in driven else _along_a_line({**chosen, **found}, driven)
+        found |= driven
         notes += note
-    return found, notes
+    return found | (_along_a_line({**chosen, **found}) if "force" in {*chosen, *found} else {}), notes
 
 
 def _candidates(series: Sequence[Series], choice: Choice) -> dict[str, list[Series]]:
@@ -136,7 +146,7 @@ def mapped(column: str, series: str, unit: str = "") -> str:
     return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
 
 
-def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> str:
+def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], span: Span) -> str:
     """What to type where no column was found."""
     if all(is_time(one.name) or one.name == clock for one in series):
         return "it holds times only; join it with the file of the motion: MOTION+FILE"
@@ -151,35 +161,42 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> 
     if why := moving.get("why"):
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
-    example = _example(series, clock, moving)
-    return f"assign them, as in {example} (deg, mm: units; rpm, deg/s: speeds; *FACTOR: counts)"
+    example = _example(series, clock, moving, span)
+    return f"assign them, as in {example} (rad; other units: :deg, :mm, *FACTOR for counts; of a speed :rad/s, :rpm)"
 
 
-def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str]) -> str:
-    """How the first series would be assigned, or the one that swings, and the next one as what drives it, or the one
-    whose name says so; without times the one that ascends (``rising``) as these."""
+def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], span: Span) -> str:
+    """How the first series that changes would be assigned, or the one that swings, and the next one as what drives it,
+    or the one whose name says so; without times the one that ascends (``rising``) as these."""
     if swings := moving.get("perhaps", ""):
-        return mapped("position", swings, ":deg")
-    names = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
-    if not clock and len(names) == len(series) > 1:
+        return mapped("position", swings, _degrees(swings, span))
+    named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
+    names = [one for one in named_so if span(one)[0] < span(one)[1]] or named_so
+    if not clock and len(named_so) == len(series) > 1:
         rising = moving.get("rising", "")
         others = [one for one in names if one not in (rising, moving.get("counting"))] or names
         moves = next((one for one in others if not is_input(one)), others[0])
-        without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}:deg")
+        unit = _degrees(moves, span)
+        without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}{unit}")
         if not rising:
             return f"{without}, if there are 100 rows a second"
-        given = f"{mapped('time', rising, moving['steps'])} {mapped('position', moves, ':deg')}"
+        given = f"{mapped('time', rising, moving['steps'])} {mapped('position', moves, unit)}"
         return f"{given}, or without times, if there are 100 rows a second, {without}"
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
     first, *rest = sorted(names, key=lambda one: (is_input(one), has_input and one != "y")) or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped(column, first)
     is_speed = re.search("velo|speed", first, re.IGNORECASE)
-    unit = "" if unit_of(first, "position") else ":rad/s" if is_speed else ":deg"
+    unit = "" if unit_of(first, "position") else ":rad/s" if is_speed else _degrees(first, span)
     drives = [one for one in rest if is_input(one)] or rest
     return ", and ".join(
         [mapped("position", first, unit), *(f"a torque {mapped('torque', one)}" for one in drives[:1])]
     )
+
+
+def _degrees(name: str, span: Span) -> str:
+    """The unit that is suggested for an angle: none where it may be in rad."""
+    return ":deg" if max(map(abs, span(name))) > MANY_TURNS else ""
 
 
 def _reached(series: Sequence[Series], chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:
@@ -199,10 +216,10 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
 
 
-def _along_a_line(chosen: Mapping[str, Chosen], driven: Mapping[str, Chosen]) -> dict[str, Chosen]:
-    """What drives a motion as a force, and the motion, a length if neither its unit nor its name says otherwise."""
-    moved = {one for one in chosen.values() if one.column == "position" and not (one.unit or column_of(one.series))}
-    return {**driven, **{one.column: replace(one, unit="m", si="m") for one in moved}}
+def _along_a_line(chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:
+    """A motion that a force drives, as a length if neither its unit nor its name says otherwise."""
+    moved = [one for one in chosen.values() if one.column == "position" and not (one.unit or column_of(one.series))]
+    return {one.column: replace(one, unit="m", si="m") for one in moved}
 
 
 def speeds_told(series: Sequence[Series]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,8 @@ ROWS = (5.0, 1e5)
 EXACT = 0.02
 """how far the factor between columns without names may be from one: a torque is how fast a speed changes, too, but not
 in the same unit"""
-
+INDEX = re.compile(r"\[\d+\]$")
+"""of the column of an array"""
 
 IN_DEGREES = (180 / np.pi, 6.0)
 """the factor between an angle in degrees and a speed in rad/s, and one in rpm"""
@@ -51,8 +53,8 @@ class Rate:
 
 def rates(columns: Mapping[str, NDArray[Any]], times: FloatArray | None) -> list[Rate]:
     """By the first of each chain, as of angle, speed and acceleration, the series that is how fast it changes: a speed
-    by its name, or one without a name or called ``v`` where both have the same unit.  times: (N,) [s], None where they
-    are unknown, for which ``factor`` is the length of a row [s]."""
+    by its name, or one without a name, of the same array, or called ``v`` where both have the same unit.  times: (N,)
+    [s], None where they are unknown, for which ``factor`` is the length of a row [s]."""
     known = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     rows = next(iter(known.values())).size
     if rows < LEAST_ROWS:
@@ -71,8 +73,13 @@ def rates(columns: Mapping[str, NDArray[Any]], times: FloatArray | None) -> list
     return list(best.values())
 
 
+def _are_of_one_array(*names: str) -> bool:
+    """Whether these are columns of one array, as ``data[2]`` and ``data[3]``."""
+    return len({INDEX.sub("[]", name) for name in names}) == 1
+
+
 def _rate(columns: Mapping[str, FloatArray], of: str, speed: str, steps: FloatArray) -> Rate | None:
-    may_be = UNNAMED.fullmatch(speed) or SPEED_LETTER.fullmatch(speed)
+    may_be = UNNAMED.fullmatch(speed) or SPEED_LETTER.fullmatch(speed) or _are_of_one_array(of, speed)
     is_speed = may_be or speed_of(speed) is not None
     if not is_speed or speed_of(of) is not None or column_of(of) or is_input(of):
         return None

@@ -51,12 +51,12 @@ class Imported:
 def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
-    clock, moving = "", {}
+    clock, moving, more = "", {}, {}
     still: Sequence[str] = ()
     if isinstance(source, Table):
         source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
-        clock, moving = source.clock, liveliest(source, choice)
-    guess = guessed(source.series, choice, str(path), clock, moving)
+        clock, moving, more = source.clock, liveliest(source, choice), {"span": source.span}
+    guess = guessed(source.series, choice, str(path), clock, moving, **more)
     samples = source.read([one.series for one in guess.columns], choice)
     notes = [*source.notes, *samples.notes, *still, *guess.notes]
     parts, kept = [], []

@@ -77,6 +77,12 @@ class Table:
             values[name] = (times, numbers) if there.all() else (times[there], numbers[there])
         return Samples(values, clock_text, start, notes, self.metadata)
 
+    def span(self, name: str) -> tuple[float, float]:
+        """The least and the largest number of a series; zeros where it has none."""
+        values = np.asarray(self.load([name])[name], dtype=np.float64)
+        known = values[np.isfinite(values)]
+        return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+
     def _clock(self, choice: Choice) -> tuple[Series, Term] | None:
         """The series with the times; None where a rate was given.  Raises RecordingError."""
         if term := choice.terms.get("time"):

@@ -23,7 +23,7 @@ from lostmotion.drivers.codec.recording_csv import LONGEST_LINE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, is_date, number
 from lostmotion.drivers.formats.source import MOST_SERIES, too_many
-from lostmotion.drivers.formats.words import SPELT, column_of, is_time
+from lostmotion.drivers.formats.words import SPELT, column_of, is_time, speed_of
 from lostmotion.drivers.toml_text import TomlError, loads
 from lostmotion.drivers.units import to_si
 
@@ -150,10 +150,26 @@ def _above(above: list[tuple[int, str]], before: int, comments: list[str], rows:
     else:
         units = []
     if names := next((names for names in reversed(found[-2:]) if names), []):
-        return _unique(names), units or [""] * width
+        return _named_below(names, units) if units else (_unique(names), [""] * width)
     units = _units(_names_in(above[-1][1], rows), rows.comma) if above else []
     header, below = _commented(comments, rows)
     return header, [*(below or units), *[""] * width][:width]
+
+
+def _named_below(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
+    """The names of the columns and their units, where some cells of the line of units are quantities instead: of
+    ``Time, Analog 1`` above ``ms, Servo motor speed`` the second."""
+    is_quantity = [
+        to_si(below) is None and _is_quantity(below) and not (is_time(name) or _is_quantity(name))
+        for name, below in zip(names, units, strict=True)
+    ]
+    kept = [below if is_one else name for name, below, is_one in zip(names, units, is_quantity, strict=True)]
+    return _unique(kept), ["" if is_one else below for below, is_one in zip(units, is_quantity, strict=True)]
+
+
+def _is_quantity(name: str) -> bool:
+    """Whether a name says what a column holds."""
+    return column_of(name) is not None or speed_of(name) is not None
 
 
 def _names(line: str, below: int, rows: Rows) -> list[str]:

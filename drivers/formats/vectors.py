@@ -18,6 +18,8 @@ from lostmotion.drivers.formats.words import column_of, is_time
 __all__ = ["MOST_BYTES", "check_size", "table_of"]
 
 MOST_BYTES = 8 * MOST_VALUES
+EVEN = 1e-3
+"""Share of a step of times by which it may differ from the others, by their rounding."""
 
 
 def check_size(name: str, size: int) -> None:
@@ -58,13 +60,25 @@ def _times(
     vectors: Mapping[str, NDArray[np.generic]], steps: Mapping[str, float], rows: int
 ) -> tuple[dict[str, NDArray[np.generic]], str]:
     """The times (rows,) [s] by the one number that says how often rows were sampled, as a vector by its name, and a
-    note of it; none where there are times, or several such numbers."""
+    note of it; none where there are times, several such numbers, or a vector that ascends by a whole number of the
+    steps that they say, as of a recorder that keeps every sixth sample."""
     kept = {title: 1 / step if _is_step(title) else step for title, step in steps.items() if step > 0}
     kept = {title: rate for title, rate in kept.items() if ROWS[0] <= rate <= ROWS[1]}
     if len(kept) != 1 or any(is_time(title) for title in vectors):
         return {}, ""
     ((title, rate),) = kept.items()
+    if any(vector.size == rows and _ascends_by(1 / rate, vector) for vector in vectors.values()):
+        return {}, ""
     return {"time": np.arange(rows) / rate}, f"time: no times are given; {rate:g} rows a second, as {title} says"
+
+
+def _ascends_by(step: float, vector: NDArray[np.generic]) -> bool:
+    """Whether each number is larger than the one before by the same whole number of steps."""
+    if vector.dtype.kind not in "iuf":
+        return False
+    many = np.diff(np.asarray(vector, dtype=np.float64)) / step
+    whole = round(float(np.median(many)))
+    return whole >= 1 and bool(np.abs(many - whole).max() < EVEN * whole)
 
 
 def _is_step(title: str) -> bool:

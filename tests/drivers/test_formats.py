@@ -517,7 +517,7 @@ def test_a_speed_stands_for_the_motion_where_there_is_no_other(tmp_path: Path) -
 def test_a_time_without_a_name_ascends_evenly(tmp_path: Path) -> None:
     """A file without a header: its first column is the time, and the line to type names the second one."""
     path = table(tmp_path / "x.txt", "", T, ANGLE, 2 * ANGLE)
-    assert "--map position=column2:deg, and a torque --map torque=column3" in refused(path)
+    assert "--map position=column2, and a torque --map torque=column3" in refused(path)
     found = read(path, "position=column2").recording
     np.testing.assert_allclose(found.time, T, atol=1e-9)
     path = table(tmp_path / "y.txt", "", ANGLE, 2 * ANGLE)
@@ -576,7 +576,7 @@ def test_titles_above_numbers_without_names_are_left_out(tmp_path: Path) -> None
     """Two lines of words above rows of tabs name no columns: these are numbered, and the first is the time."""
     rows = "".join(f"{t:.3f}\t{0.1:.3f}\t{y:.6f}\n" for t, y in zip(T, ANGLE, strict=True))
     (tmp_path / "swing.txt").write_text(f"--- a torsion pendulum ---\nTime.Motor.Pendulum\n{rows}")
-    assert "as in --map position=column2:deg, and" in refused(tmp_path / "swing.txt")
+    assert "as in --map position=column3 (rad;" in refused(tmp_path / "swing.txt")
     found = read(tmp_path / "swing.txt", "position=column3:rad").recording
     np.testing.assert_allclose(found.columns["position"], ANGLE, atol=1e-6)
     np.testing.assert_allclose(found.time, T, atol=1e-6)

@@ -62,9 +62,9 @@ def test_the_advice_takes_the_input_for_what_drives(tmp_path: Path) -> None:
     """In ``t,u,y`` u is what drives, and y the answer, also where u comes first."""
     path = tmp_path / "prbs.csv"
     path.write_text("t,u,y\n" + rows(T, np.sign(SWING), SWING, sign=","))
-    assert "--map position=y:deg, and a torque --map torque=u " in refused(path)
+    assert "--map position=y, and a torque --map torque=u " in refused(path)
     path.write_text("t,r,y,u\n" + rows(T, np.sign(SWING), SWING, -SWING, sign=","))
-    assert "--map position=y:deg, and a torque --map torque=u " in refused(path)
+    assert "--map position=y, and a torque --map torque=u " in refused(path)
 
 
 def test_of_vectors_of_several_lengths_those_with_the_motion_are_used(tmp_path: Path) -> None:
@@ -499,7 +499,7 @@ def test_the_run_that_is_shown_while_it_is_measured_has_a_unit(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("header", "advice"),
     [
-        ("y,u", "FILE#rate-hz=100,position=y:deg"),
+        ("y,u", "FILE#rate-hz=100,position=y"),
         ("Time,input signal,Motor Angular Velocity", "position=Motor Angular Velocity:rad/s"),
     ],
 )
@@ -622,6 +622,39 @@ def test_the_advised_times_ascend_in_their_unit(tmp_path: Path) -> None:
     assert "and no times; give the rows a second, if there are 100: FILE#rate-hz=100" in refused(path)
 
 
+def test_times_that_are_there_count_more_than_the_step_of_the_recorder(tmp_path: Path) -> None:
+    """dSPACE keeps every sixth sample: its ``SamplingPeriod`` is that of all samples, and ``X`` holds the times."""
+    path = tmp_path / "dspace.mat"
+    signals = {"X": {"Data": T}, "Y": {"Data": SWING}, "Capture": {"SamplingPeriod": T[1] / 6}}
+    scipy.io.savemat(path, {"run": signals})
+    found = read(path, "position=run.Y.Data")
+    assert found.clock == "run.X.Data [s]"
+    np.testing.assert_allclose(found.recording.time, T)
+
+
+def test_quantities_in_the_line_of_the_units(tmp_path: Path) -> None:
+    """A servo drive's log names its channels ``Analog 1`` and ``Analog 2``, and below them what they are."""
+    path = tmp_path / "trace.csv"
+    header = "Axis1\nTime,Analog 1,Analog 2,Digital 1\nms,Servo motor speed,Torque,Not selected\n"
+    path.write_text(header + rows(1e3 * T, 1e2 * SWING, SWING**3, 0 * T, sign=","))
+    assert "--map 'position=Servo motor speed:rpm' (or :rad/s) integrates a speed" in "".join(read(path).notes)
+    found = read(path, "position=Servo motor speed:rpm")
+    assert found.recording.columns["torque"] == pytest.approx(SWING**3, abs=1e-4)
+    assert np.gradient(found.recording.columns["position"], T)[5:-5] == pytest.approx(
+        1e2 * SWING[5:-5] * 2 * np.pi / 60, abs=0.2
+    )
+
+
+def test_a_force_that_is_given_moves_along_a_line(tmp_path: Path) -> None:
+    """``x`` without a unit is a place in m where a force drives it, whatever that is called."""
+    path = tmp_path / "rack.mat"
+    scipy.io.savemat(path, {"t": T, "x": SWING, "v": np.gradient(SWING, T), "F_fric": np.sign(SWING), "F": 2 * SWING})
+    found = read(path, "force=F_fric")
+    assert [(one.column, one.series, one.si) for one in found.columns] == [
+        ("position", "x", "m"), ("force", "F_fric", "N"),
+    ]  # fmt: skip
+
+
 def test_rows_that_begin_with_a_time_of_day(tmp_path: Path) -> None:
     """The command that the refusal gives reads the file."""
     path = tmp_path / "log.txt"
@@ -646,9 +679,7 @@ def test_the_number_of_the_row_is_not_advised_as_the_position(tmp_path: Path) ->
     """Neither as the time."""
     path = tmp_path / "log.csv"
     path.write_text("Sample Number,CHANNEL0,CHANNEL1\n" + rows(np.arange(300.0), SWING, SWING, sign=","))
-    assert "assign them, as in 'FILE#rate-hz=100,position=CHANNEL0:deg', if there are 100 rows a second" in refused(
-        path
-    )
+    assert "assign them, as in 'FILE#rate-hz=100,position=CHANNEL0', if there are 100 rows a second" in refused(path)
 
 
 def test_whole_milliseconds_of_a_thousand_rows_a_second(tmp_path: Path) -> None:
@@ -663,7 +694,7 @@ def test_the_number_of_the_row_is_no_time(tmp_path: Path) -> None:
     """It was one of seconds."""
     path = tmp_path / "rows.txt"
     path.write_text(rows(np.arange(1.0, 301), SWING, sign=" "))
-    assert "position=column2:deg', if there are 100 rows a second" in refused(path)
+    assert "position=column2', if there are 100 rows a second" in refused(path)
 
 
 @pytest.mark.parametrize(
@@ -689,7 +720,7 @@ def test_files_whose_names_say_nothing_are_refused_with_the_whole_option(tmp_pat
     one.write_text(rows(T, SWING))
     two.write_text(rows(T, 2 * SWING))
     told = refused(Path(f"{one}+{two}"))
-    assert "assign them, as in --map 'position=one[1]:deg', and a torque --map 'torque=two[1]'" in told
+    assert "assign them, as in --map 'position=one[1]', and a torque --map 'torque=two[1]'" in told
     found = read(Path(f"{one}+{two}"), "position=one[1]:deg", "torque=two[1]").recording
     np.testing.assert_allclose(found.columns["torque"], 2 * SWING, atol=1e-5)
 

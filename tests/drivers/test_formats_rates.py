@@ -42,6 +42,15 @@ def test_the_angle_of_a_motor_is_what_its_speed_changes(factor: float, tmp_path:
     assert [one.why for one in found.columns] == ["vel is how fast it changes", "the motor's input, by its name"]
 
 
+def test_the_columns_of_an_array_need_no_names(tmp_path: Path) -> None:
+    """Of ``data``, with times, a goal, angle, speed and torque, the speed tells the angle; the times ascend evenly."""
+    path = tmp_path / "motor.mat"
+    scipy.io.savemat(path, {"data": np.stack([T, 0 * T, ANGLE, SPEED, INPUT], axis=1), "Iz": np.full(T.size, -0.006)})
+    found = read(path, "torque=data[4]")
+    assert [(one.column, one.series) for one in found.columns] == [("position", "data[2]"), ("torque", "data[4]")]
+    assert found.clock == "data[0] [s]"
+
+
 def test_an_input_is_taken_once_and_beside_a_motion_only(tmp_path: Path) -> None:
     """Of two inputs the plainest, or none; none where a torque is known; and alone it is a motion."""
     path = tmp_path / "log.csv"
