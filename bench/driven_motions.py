@@ -30,7 +30,8 @@ __all__ = ["Case", "main"]
 HIDDEN = {
     "joint": ("none", "viscous_friction", "coulomb_friction", "viscous_friction+coulomb_friction", "gravity_torque",
               "gravity_torque+coulomb_friction", "quadratic_damping", "torque_ripple", "load_dependent_friction",
-              "stribeck_friction", "spring_torque"),
+              "stribeck_friction", "spring_torque", "friction_behind_play",
+              "friction_behind_play+coulomb_friction"),
     "servo": ("none", "coulomb_friction", "gravity_torque", "gravity_torque+coulomb_friction",
               "load_dependent_friction", "torque_ripple", "command_delay", "actuator_lag", "quadratic_damping",
               "velocity_limit"),

@@ -26,6 +26,10 @@ SHARP = 300.0
 """Usual speed over the width within which dry friction changes sign."""
 SECOND_DAMPING, LAG, SKEW = 0.02, 0.05, 2e-3
 """Of the second mode; the sensor's lag in periods of the resonance; of the sensor's clock."""
+PLAYS = (0.05, 0.1, 0.2, 0.4)
+"""Plays in the swing of a joint (the root mean square of its goal)."""
+END = 0.02
+"""Last part of an elastic contact, in which its motion comes to an end: a sudden end takes LSODA minutes."""
 PROFILE_S = 1e-3
 """Step of the profile of a servo with a limited speed [s]: a servo's own loop runs at a kilohertz."""
 SPEED = 3.5
@@ -88,6 +92,18 @@ class Law:
         each = zip(self.effects, self.sizes, strict=True)
         return self.scale * sum(size * self._one(name, theta, omega / self.speed, load) for name, size in each)
 
+    def behind_play(self, y: float, omega: float, swing: float) -> tuple[float, float]:
+        """The torque [N m] of dry friction behind a play, which is a share of the swing [rad], with an elastic contact
+        of a third of it; and the rate of its state y, the place within the play [rad/s]."""
+        if "friction_behind_play" not in self.effects:
+            return 0.0, 0.0
+        play = swing * PLAYS[self.count % len(PLAYS)]
+        bent = (abs(y) - play / 2) / (play / 3)
+        size = self.scale * self.sizes[self.effects.index("friction_behind_play")]
+        return -math.copysign(size * min(max(bent, 0.0), 1.0), y), omega * (
+            1.0 if y * omega < 0 else min((1 - bent) / END, 1.0)
+        )
+
     def _one(self, name: str, theta: float, u: float, load: float) -> float:
         """The torque of an effect of size one; u: the speed in units of the usual one."""
         match name:
@@ -146,11 +162,11 @@ class Joint:
             return self.inertia * push(t) + stiff * (goal(t) - float(x[0])) + damp * (rate(t) - float(x[1]))
 
         def slope(t: float, x: FloatArray) -> list[float]:
-            load = torque(t, x)
-            return [x[1], (load + self.law(x[0], x[1], load)) / self.inertia]
+            load, (bent, change) = torque(t, x), self.law.behind_play(x[2], x[1], self.swing)
+            return [x[1], (load + self.law(x[0], x[1], load) + bent) / self.inertia, change]
 
         time = np.arange(0.0, DURATION_S, 1 / self.rate)
-        states = followed(slope, time, [goal(0.0), rate(0.0)])
+        states = followed(slope, time, [goal(0.0), rate(0.0), 0.0])
         torques = np.array([torque(t, x) for t, x in zip(time, states, strict=True)])
         return Recording(time, {
             "position": states[:, 0] + self.noise * rng.standard_normal(time.size),

@@ -94,19 +94,22 @@ def guessed(
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
     more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
-    chosen |= more
-    notes += told
-    rest, is_alone = _unnamed(series, clock), len([one for one in series if not is_time(one.name)]) == 1
-    if not chosen and len(rest) == 1 and (is_alone or not is_input(rest[0].name)):
+    chosen, notes = chosen | more, notes + told
+    rest, others = _unnamed(series, clock), [one for one in series if not is_time(one.name)]
+    if not chosen and len(rest) == 1 and (len(others) == 1 or not is_input(rest[0].name)):
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
-        several = [note for note in notes if note.startswith("accel")]
-        advice = " ".join(several) or _advice(series, clock, moving or {}, span)
+        advice = _several(notes) or _advice(series, clock, moving or {}, span)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
         notes.append(f"not used: {listed(left)}")
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+
+
+def _several(notes: Sequence[str]) -> str:
+    """What is said of several accelerometers; "" for none."""
+    return " ".join(note for note in notes if note.startswith("accel"))
 
 
 def _inferred(
@@ -162,7 +165,7 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
     example = _example(series, clock, moving, span)
-    return f"assign them, as in {example} (rad; other units: :deg, :mm, *FACTOR for counts; of a speed :rad/s, :rpm)"
+    return f"assign them, as in {example} (rad; else :deg, :mm, *FACTOR for counts; a speed: :rad/s, :rpm)"
 
 
 def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], span: Span) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -106,8 +107,12 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
         effect = get_effect(name)
         if not (follows_motion(effect) or is_simulated) or (is_linear and _needs_angle(name)):
             continue
+        if is_simulated and effect.distance:  # takes short steps, and few swings show how they begin anew
+            continue
         if not is_linear and turns_of(data.signals) > effect.most_turns:
             continue
+        if rivals := [one for one in effect.rivals if one not in model.effects]:
+            yield rivals[-1], reduce(Model.with_effect, rivals, model)
         if name in nested:
             yield name, nested[name]
         elif (simple := effect.simpler) is None or simple.effect in model.effects:
@@ -298,5 +303,6 @@ def tried(
 
 
 def _needs_angle(name: str) -> bool:
-    """Whether an effect has a phase."""
-    return any(parameter.unit == "rad" for parameter in get_effect(name).parameters.values())
+    """Whether an effect has a phase; a distance may be along a line."""
+    effect = get_effect(name)
+    return effect.distance is None and any(parameter.unit == "rad" for parameter in effect.parameters.values())

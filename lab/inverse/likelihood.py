@@ -145,7 +145,9 @@ class WholeMotion:
         judged = each(self.pool, lambda one: self._fitted(one[1]), fits, first=1)
         found = [(name, replace(fit, by_acceleration=screened.get(name))) for (name, _), fit in judged]
         known = {*(effect for effect, _ in found), *failed}
-        yield Proposals(found, tuple(name for name, _ in wide if name not in known), failed)
+        yield Proposals(
+            found, tuple(name for name, _ in wide if name not in known and get_effect(name).is_searched), failed
+        )
 
     def _by_acceleration(
         self, wide: Sequence[tuple[str, Model]], now: Fitted
@@ -226,10 +228,13 @@ class WholeMotion:
 
     def on_last(self, one: Fitted, other: Fitted) -> Predictions | None:
         """The squared errors of two fits on the unseen recording; None where there is none, or where one of them cannot
-        be simulated there."""
+        be simulated there.
+
+        Fits of ordinary least squares: a whitened misfit counts slow torques little, which a person reads.
+        """
         if self.unseen is None:
             return None
-        less, there = fit_on(one.judged, self.unseen), fit_on(other.judged, self.unseen)
+        less, there = fit_on(one.inverse, self.unseen), fit_on(other.inverse, self.unseen)
         return _compared(less, there) if less and there else None
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:

@@ -68,6 +68,11 @@ class Predictions:
     of_zero: float | None = None
 
     @property
+    def reverse(self) -> Predictions:
+        """The same errors, of the second fit before those of the first."""
+        return Predictions(self.after, self.before, self.block)
+
+    @property
     def gain(self) -> float:
         """The share of the squared error that the second fit takes."""
         return float(1 - self.after.sum() / self.before.sum())

@@ -8,7 +8,7 @@ enough; those that later ones have made superfluous are eliminated (backward.py)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -29,6 +29,7 @@ from lostmotion.lab.selection.evidence import (
     simplest,
 )
 from lostmotion.lab.selection.search import Likelihood, Selection, Step
+from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 
 __all__ = ["named", "selected", "step"]
@@ -103,7 +104,8 @@ def _ranked(
     best = dict[str, Candidate[F]]()
     for one in sorted((one for _, one in each(pool, judged, predicted, first=1)), key=lambda one: -one.gain):
         best.setdefault(one.effect, one)  # two fits of one effect may have been proposed
-    found = list(best.values())
+    rivals = {name: one for name, one in best.items() if not get_effect(name).is_searched}
+    found = [one for name, one in best.items() if name not in rivals and _exceeds(one, rivals, likelihood)]
     good = [one for one in found if one.is_significant]
     if not good:
         return Step(tuple(sorted(found, key=lambda one: one.p_value)))
@@ -113,6 +115,12 @@ def _ranked(
     return Step(
         (first, *rest), tuple(one.effect for one in rest if one in alike and _is_confusable(one, first, likelihood))
     )
+
+
+def _exceeds(one: Candidate[F], rivals: Mapping[str, Candidate[F]], likelihood: Likelihood[F]) -> bool:
+    """Whether an effect predicts better than what may look like it, and is no effect that is searched."""
+    own = [rivals[name] for name in get_effect(one.effect).rivals if name in rivals]
+    return all(likelihood.predictions(rival.fit, one.fit).is_better() for rival in own)
 
 
 def named(alike: Sequence[Candidate[F]], likelihood: Likelihood[F]) -> Candidate[F]:

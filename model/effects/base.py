@@ -97,7 +97,8 @@ class Effect(EffectInfo):
     For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
     of these scales; restarts: from the values of a fit, its own and the base's, those from which a fit is begun again,
     as it may have ended in another minimum; barely: values with which it hardly acts, one for each shape, where it has
-    no amplitude; simpler: the effect that is a part of it; likelier, odds: another effect of its kind, which so many
+    no amplitude; simpler: the effect that is a part of it; rivals: effects that together may look like it, some of them
+    not searched: it has to predict better than they do; likelier, odds: another effect of its kind, which so many
     times as many machines have; speed_power: the power of the speed to which a damping is proportional; most_turns: a
     motion of more turns cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come
     later by T; rests_by: the parameter, of its own or of the base, by which the place where a torque pulls the joint to
@@ -120,6 +121,7 @@ class Effect(EffectInfo):
     restarts: Callable[[Mapping[str, float]], Sequence[Values]] = lambda values: ()
     barely: Guesses = no_guesses
     simpler: Simpler | None = None
+    rivals: tuple[str, ...] = ()
     likelier: str = ""
     odds: float = 1.0
     speed_power: int | None = None

@@ -1,29 +1,32 @@
-"""Dry friction that does not change sign at once: near a reversal it is elastic.
+"""Dry friction that does not change sign at once: near a reversal it is elastic, or acts only behind a play.
 
-It is a correction of a dry friction that is in the model already: some distance after a reversal what is left is the
-constant friction.  Its state follows from the motion of the joint alone, as that of a rate-independent hysteresis does.
+Their states follow from the motion of the joint alone, as those of a rate-independent hysteresis do.
 
-``lab explain`` does not try it: a joint whose dry friction is smoother near rest than the model's looks elastic
-(docs/decisions/0009-lab-selection.md).  It is added by hand, and fitted.
+The elastic one is a correction of a dry friction that is in the model already: some distance after a reversal what is
+left is the constant friction.  ``lab explain`` does not try it: a joint whose dry friction is smoother near rest than
+the model's looks elastic (docs/decisions/0009-lab-selection.md).  It is added by hand, and fitted.
 
 References: P. R. Dahl, "A solid friction model", TOR-0158(3107-18)-1, Aerospace Corporation (1968); F. Al-Bender,
-V. Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE Trans. Automatic Control 50 (2005).
+V. Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE Trans. Automatic Control 50 (2005); the play
+operator: M. Brokate, J. Sprekels, "Hysteresis and Phase Transitions", Springer (1996), section 2.2.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, within_omega_0
+from lostmotion.model.effects.guesses import MotionScales, Values, grid
 from lostmotion.model.effects.words import Words
 from lostmotion.model.elementary import tanh
 from lostmotion.model.kernel import Slots, kernel
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import OMEGA2, TORQUE
 
-__all__ = ["PRESLIDING_FRICTION"]
+__all__ = ["FRICTION_BEHIND_PLAY", "PRESLIDING_FRICTION"]
 
 BASES = ("joint",)
 
@@ -34,6 +37,36 @@ def presliding(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     omega = s[OMEGA2]
     dx[0] = (omega - abs(omega) * x[0]) / p[1]
     return -p[0] * (x[0] - tanh(omega / p[2]))
+
+
+@kernel
+def behind_play(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
+    """-tau_p z sign(y), z = max(|y| - e/2, 0)/(c e); y' = omega, less by z where it leads on; p: tau_p, e, c.
+
+    An end of y at z = 1 would depend on the step of the solver.
+    """
+    omega, y = s[OMEGA2], x[0]
+    z = min(max((abs(y) - p[1] / 2) / (p[2] * p[1]), 0.0), 1.0)
+    dx[0] = omega * (1 - z) if y * omega > 0 else omega
+    return -p[0] * z if y > 0 else p[0] * z
+
+
+def _contact_rate(values: Mapping[str, float], operating: Operating) -> float:
+    """Of the joint on its contact, or of the contact at the largest speed, as after half a turn with the largest torque
+    [rad/s]."""
+    sticking = 2 * math.sqrt(values["tau_p"] / _contact(values) / operating.inertia)
+    speed = math.sqrt(2 * math.pi * (operating.watched or 0.0) / operating.inertia)
+    return max(sticking, speed / _contact(values))
+
+
+def _contact(values: Mapping[str, float]) -> float:
+    return values["c"] * values["e"]
+
+
+def _plays(scales: MotionScales) -> list[Values]:
+    """Plays of 2 to 50 % of the motion, with a contact of 0.15 to 0.5 as much."""
+    plays = [share * scales.span for share in (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)]
+    return grid(tau_p=(0.2 * scales.torque,), e=plays, c=(0.5, 0.15))
 
 
 def _distance(values: Mapping[str, float]) -> float:
@@ -61,6 +94,7 @@ PRESLIDING_FRICTION = Effect(
     states=(None,),
     distance=_distance,
     is_searched=False,
+    guesses=lambda scales: grid(tau_p=(0.2 * scales.torque,), x_p=[x * scales.span for x in (0.005, 0.02, 0.08, 0.2)]),
     rate=_rate,
     sign_width=within_omega_0,
     amplitudes=("tau_p",),
@@ -69,5 +103,30 @@ PRESLIDING_FRICTION = Effect(
         "After a reversal friction builds up over {x_p}: {tau_p} of it is elastic at first.",
         "Usually no fault: teeth, seals, belts and harmonic drives give before they slide. If the distance grows, look "
         "for a loose coupling or a worn bearing.",
+    ),
+)
+_E = Parameter(1e-2, "rad", 1e-9, 1e6, False, "guess", "play between the joint and what rubs", Domain.POSITIVE)
+_C = Parameter(0.3, "", 0.05, 2.0, False, "guess", "friction builds up over this part of it", Domain.POSITIVE)
+FRICTION_BEHIND_PLAY = Effect(
+    id="friction_behind_play",
+    equation="-tau_p z sign(y), z = max(|y| - e/2, 0)/(c e), y' = omega, or omega (1 - z) where |y| grows",
+    summary="dry friction that acts only once the joint has crossed a play after each reversal",
+    acts_on=ActsOn.JOINT,
+    bases=BASES,
+    parameters={"tau_p": replace(_TAU_P, meaning="dry friction behind the play"), "e": _E, "c": _C},
+    terms=on(BASES, Term(TORQUE, behind_play, ("tau_p", "e", "c"))),
+    states=(None,),
+    distance=_contact,
+    rate=_contact_rate,
+    is_apt=lambda values: values["c"] < 0.95 * _C.high,
+    rivals=("coulomb_friction", "presliding_friction"),
+    amplitudes=("tau_p",),
+    likelier="coulomb_friction",
+    odds=100.0,
+    guesses=_plays,
+    words=Words(
+        "friction behind a play",
+        "After each reversal the joint moves freely by {e}, before something rubs with {tau_p}.",
+        "Look for play between the sensor and what rubs: worn teeth, a loose key or coupling, a slack belt or tendon.",
     ),
 )

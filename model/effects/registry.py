@@ -30,6 +30,7 @@ _EFFECTS: dict[str, Effect] = {
         friction.STRIBECK,
         friction.LOAD_DEPENDENT,
         hysteresis.PRESLIDING_FRICTION,
+        hysteresis.FRICTION_BEHIND_PLAY,
         gravity.GRAVITY_TORQUE,
         gravity.CONSTANT_TORQUE,
         spring.SPRING_TORQUE,

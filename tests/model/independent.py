@@ -130,6 +130,9 @@ def friction_left(v: Values, y: float, omega: float) -> tuple[float, float]:
     if x_p := v.get("presliding_friction.x_p"):
         sign = math.tanh(omega / v["presliding_friction.omega_0"])
         return -v["presliding_friction.tau_p"] * (y - sign), omega / x_p * (1 - y * math.copysign(1, omega))
+    if play := v.get("friction_behind_play.e"):
+        z = min(max(abs(y) - play / 2, 0.0) / (v["friction_behind_play.c"] * play), 1.0)
+        return -v["friction_behind_play.tau_p"] * math.copysign(z, y), omega * (1 - z if y * omega > 0 else 1)
     return 0.0, 0.0
 
 
@@ -161,8 +164,20 @@ def joint(v: Values, torque: Scalar, start: list[float], times: FloatArray) -> F
     return np.asarray(lsoda(rhs, [*start, 0.0], times)[0])
 
 
+FINE = 1e-4
+"""Step of a command with a limited speed [s]."""
+
+
 def servo(v: Values, command: Scalar, start: list[float], times: FloatArray) -> FloatArray:
-    """Position of a DC servo under proportional control; the third state is a first-order lag of the command."""
+    """Position of a DC servo under proportional control; the third state is a first-order lag of the command, which may
+    have a limited speed, step by step."""
+    if limit := v.get("velocity_limit.omega_max"):
+        fine = np.arange(times[0], times[-1] + FINE, FINE)
+        wanted = [command(t) for t in fine]
+        followed = [wanted[0]]
+        for aim in wanted[1:]:
+            followed.append(followed[-1] + min(max(aim - followed[-1], -limit * FINE), limit * FINE))
+        command = lambda t: float(np.interp(t, fine, followed))  # noqa: E731
 
     def rhs(t: float, y: FloatArray) -> list[float]:
         lag = v.get("actuator_lag.T")

@@ -72,6 +72,28 @@ def test_servo_reaches_its_command_or_is_let_go() -> None:
     assert servo.simulate(None, TIMES, [0.0, 1.5])["position"][-1] == pytest.approx(3.0)
 
 
+def test_friction_behind_a_play() -> None:
+    """A heavy joint at 1 rad/s crosses half of a play of 0.1 rad in 50 ms, then the friction builds up with a time
+    constant of 20 ms; after a reversal it falls over 20 ms, is zero for 100 ms, and builds up with the other sign."""
+    given = {
+        "J": 1e3,
+        "friction_behind_play.tau_p": 2.0,
+        "friction_behind_play.e": 0.1,
+        "friction_behind_play.c": 0.2,
+    }
+    joint = build_model("joint", ["friction_behind_play"], given)
+    times = np.arange(0.0, 0.3, 0.005)
+
+    def share(speed: float, place: float) -> np.ndarray:
+        run = joint.simulate(None, times, [0.0, speed, place])
+        return np.asarray(run["acceleration"] * 1e3 / 2.0)
+
+    onward = 1 - np.exp(-np.maximum(times - 0.05, 0.0) / 0.02)
+    assert share(1.0, 0.0) == pytest.approx(-onward, abs=5e-3)
+    left = np.clip((0.02 - times) / 0.02, 0.0, 1.0) - (1 - np.exp(-np.maximum(times - 0.12, 0.0) / 0.02))
+    assert share(-1.0, 0.07) == pytest.approx(-left, abs=5e-3)
+
+
 def test_a_limited_servo_moves_at_the_limit() -> None:
     """A goal 1 rad away is approached at the limit of 0.5 rad/s for two seconds, at a distance of v (kt/U)/(kp e); a
     goal that moves more slowly is followed as without the limit."""

@@ -18,7 +18,7 @@ TIMES = np.arange(401) * 1e-3
 MOTION = HandWaved(seed=5, high_hz=6.0)
 IDS = {
     *("viscous_friction", "coulomb_friction", "stribeck_friction", "load_dependent_friction", "gravity_torque"),
-    *("constant_torque", "velocity_limit"),
+    *("constant_torque", "velocity_limit", "friction_behind_play"),
     *("gear_eccentricity", "shaft_compliance", "actuator_lag", "command_delay", "finite_actuator"),
     *("contact_asymmetry", "torque_ripple", "spring_torque", "hardening_spring", "quadratic_damping", "second_mode"),
     *(

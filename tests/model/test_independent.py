@@ -110,8 +110,9 @@ def test_joint(effect: str | None) -> None:
 
 @pytest.mark.parametrize("effect", [None, *SERVO_EFFECTS])
 def test_servo(effect: str | None) -> None:
-    """The servo following a command agrees with LSODA, alone and with each effect."""
-    model = build_model("servo", [effect] if effect else [], {"cap": 0.3})
+    """The servo following a command agrees with LSODA, alone and with each effect; half of its speed is the limit."""
+    given = {"velocity_limit.omega_max": max(map(rate, TIMES)) / 2} if effect == "velocity_limit" else {}
+    model = build_model("servo", [effect] if effect else [], {"cap": 0.3, **given})
     ours = model.simulate(MOTION, TIMES)["position"]
     late = -values(model).get("command_delay.T", 0.0)
     theirs = independent.servo(values(model), command, [command(late), rate(late), command(late)], TIMES)

@@ -1,4 +1,4 @@
-"""Dry friction that is elastic near a reversal, made by Dahl's law in closed form.
+"""Dry friction that is elastic near a reversal, or acts behind a play, made in closed form.
 
 Nothing of the lab's solver is used: the motion is given, and the friction follows from it at 4000 samples a second.
 """
@@ -6,6 +6,8 @@ Nothing of the lab's solver is used: the motion is given, and the friction follo
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +46,26 @@ def dahl(angle: np.ndarray, rise: float) -> np.ndarray:
     return found
 
 
-def measured(seed: int) -> Recording:
+def behind_play(angle: np.ndarray, play: float, contact: float) -> np.ndarray:
+    """The same behind a play, with a contact that builds up evenly (play operator, step by step)."""
+    end, y = play / 2 + contact, 0.0
+    found = np.empty(angle.size)
+    for i, step in enumerate(np.diff(angle, prepend=angle[0])):
+        y = min(max(y + step, -end), end)
+        found[i] = np.sign(y) * max(abs(y) - play / 2, 0.0) / contact
+    return found
+
+
+def elastic(angle: np.ndarray) -> np.ndarray:
+    """Dahl's law."""
+    return dahl(angle, RISE)
+
+
+def measured(seed: int, law: Callable[[np.ndarray], np.ndarray] = elastic) -> Recording:
     """A joint with such friction at 200 samples a second, with noise on angle and torque and a slow disturbance."""
     rng = np.random.default_rng(100 + seed)
     t, angle, speed, acceleration = moved(seed)
-    felt = dahl(angle, RISE)
+    felt = law(angle)
     push = np.interp(t, np.arange(0, LENGTH + 0.2, 0.2), 0.02 * rng.standard_normal(61))
     torque = INERTIA * acceleration + VISCOUS * speed + COULOMB * felt + push
     every = slice(None, None, FINE // 200)
@@ -61,15 +78,18 @@ def measured(seed: int) -> Recording:
 
 
 def fitted(folder: Path, recordings: list[Recording], model: str) -> dict[str, Any]:
-    """What the command line says."""
+    """What ``lab fit`` says."""
+    return asked("fit", folder, recordings, model, "-o", str(folder / "out.toml"))
+
+
+def asked(command: str, folder: Path, recordings: list[Recording], model: str, *options: str) -> dict[str, Any]:
+    """What a command of the lab says."""
     (folder / "model.toml").write_text(model)
     names = []
     for one in recordings:
         write_recording(one, folder / one.name)
         names.append(str(folder / one.name))
-    result = CliRunner().invoke(
-        cli, ["lab", "fit", str(folder / "model.toml"), *names, "-o", str(folder / "out.toml"), "--json"]
-    )
+    result = CliRunner().invoke(cli, ["lab", command, str(folder / "model.toml"), *names, *options, "--json"])
     assert result.exit_code == 0, result.output
     answer: dict[str, Any] = json.loads(result.stdout)
     return answer
@@ -89,6 +109,25 @@ def test_the_way_of_presliding(friction: float, rise: float, tmp_path: Path) -> 
     assert found["presliding_friction.tau_p"] == pytest.approx(COULOMB, rel=0.05)
     assert found["coulomb_friction.tau_c"] == pytest.approx(COULOMB, rel=0.05)
     assert answer["rms"]["torque"] < 0.03
+
+
+@pytest.mark.slow
+def test_friction_behind_a_play_is_named(tmp_path: Path) -> None:
+    """A friction damper with a play of 0.12 rad, behind which the friction builds up evenly over 0.05, is no joint with
+    Coulomb friction and a spring: the interval of the play contains it, and the friction is found to 5 %."""
+    recordings = [measured(seed, partial(behind_play, play=0.12, contact=0.05)) for seed in (1, 2, 3)]
+    answer = asked("explain", tmp_path, recordings, 'base = "joint"\n')
+    assert {*answer["missing"]} == {"viscous_friction", "friction_behind_play"}
+    found = next(one["parameters"] for one in answer["ranking"] if one["effect"] == "friction_behind_play")
+    assert found["e"][1] < 0.12 < found["e"][2] < 0.15
+    assert found["tau_p"][0] == pytest.approx(COULOMB, rel=0.05)
+
+
+@pytest.mark.slow
+def test_elastic_friction_is_no_play(tmp_path: Path) -> None:
+    """Friction that builds up over 20 mrad from the reversal on has no play before it."""
+    answer = asked("explain", tmp_path, [measured(seed) for seed in (1, 2, 3)], 'base = "joint"\n')
+    assert {*answer["missing"]} == {"viscous_friction", "coulomb_friction"}
 
 
 def test_torque_along_a_measured_motion() -> None:
