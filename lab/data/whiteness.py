@@ -32,7 +32,7 @@ class Correlation:
     """Correlations at several lags.
 
     lags (K,) [samples]; values: the correlation at each (K,); bound: of values of noise, at the level of
-    ``policy.SIGNIFICANT`` for all lags together; p_value: of the hypothesis that all of them are 0.
+    ``policy.FALSE_NAME`` for all lags together; p_value: of the hypothesis that all of them are 0.
     """
 
     lags: FloatArray
@@ -43,7 +43,7 @@ class Correlation:
     @property
     def significant(self) -> bool:
         """Whether the hypothesis that all are 0 is rejected."""
-        return self.p_value < policy.SIGNIFICANT
+        return self.p_value < policy.FALSE_NAME
 
 
 def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
@@ -109,9 +109,9 @@ def _correlate(x: FloatArray, y: FloatArray, most_lags: int) -> FloatArray:
 
 
 def _bound(tests: int) -> float:
-    """The magnitude that none of so many independent normal deviates exceeds, at the level ``policy.SIGNIFICANT``
+    """The magnitude that none of so many independent normal deviates exceeds, at the level ``policy.FALSE_NAME``
     (Sidak)."""
-    return float(np.sqrt(2) * erfcinv(1 - (1 - policy.SIGNIFICANT) ** (1 / max(tests, 1))))
+    return float(np.sqrt(2) * erfcinv(1 - (1 - policy.FALSE_NAME) ** (1 / max(tests, 1))))
 
 
 BLOCK = 40

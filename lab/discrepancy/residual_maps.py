@@ -151,7 +151,7 @@ def _discovered(maps: Sequence[ResidualMap]) -> tuple[ResidualMap, ...]:
     """The maps, those marked as significant whose p-value is at most the largest one that is below its rank's share of
     the level (Benjamini and Hochberg)."""
     p = np.sort([one.p_value for one in maps])
-    passed = p[p <= policy.SIGNIFICANT * np.arange(1, p.size + 1) / max(p.size, 1)]
+    passed = p[p <= policy.FALSE_NAME * np.arange(1, p.size + 1) / max(p.size, 1)]
     limit = float(passed[-1]) if passed.size else -1.0
     marked = [replace(one, significant=one.p_value <= limit) for one in maps]
     return tuple(sorted(marked, key=lambda one: -one.explained))

@@ -211,18 +211,34 @@ def _explained_shares(column: FloatArray, now: Regression) -> list[float]:
 
 def _covers(name: str, model: Model, data: Problem) -> bool:
     """Whether the motion covers ``policy.LEAST_PERIODS`` of an effect that repeats N times a turn, at speeds at which
-    its frequency is within the band; true for other effects.
+    its frequency is within the band, and crosses a play ``policy.LASTING_BLOCKS`` times; true for other effects.
 
-    At higher speeds the effect shows only at the start and the end of a motion, where it can imitate any function.  N =
+    At higher speeds the effect shows only at the start and the end of a motion, where it can imitate any function; so
+    can friction behind a play that is crossed less often (motors that turn one way, a joint that moves a radian).  N =
     1 is the law of a weight: it is tried on shafts only, and reported as confusable with the weight there.
     """
-    turns = model.parameters.get(f"{name}.N")
+    turns, play = (model.parameters.get(f"{name}.{part}") for part in ("N", "e"))
+    if play is not None and get_effect(name).distance:
+        return sum(_crossings(one.position, play.value) for one in data.signals) >= policy.LASTING_BLOCKS
     if turns is None:
         return True
     if turns.value == 1:
         return turns_of(data.signals) >= SHAFT_TURNS
     period = math.tau / turns.value
     return max(_travel(one, period * one.band_hz) for one in data.signals) > policy.LEAST_PERIODS * period
+
+
+def _crossings(position: FloatArray, play: float) -> int:
+    """How often a position (N,) leads across a play: onward by its size from where it was farthest the other way."""
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(position)))) + 1
+    count, way, farthest = 0, 0, float(position[0])
+    for place in (*position[turns], position[-1]):
+        step = float(place) - farthest
+        if abs(step) > play and np.sign(step) != way:
+            count, way, farthest = count + 1, int(np.sign(step)), float(place)
+        elif np.sign(step) == way:
+            farthest = float(place)
+    return count
 
 
 def _travel(signals: Signals, fastest: float) -> float:

@@ -118,9 +118,10 @@ def _ranked(
 
 
 def _exceeds(one: Candidate[F], rivals: Mapping[str, Candidate[F]], likelihood: Likelihood[F]) -> bool:
-    """Whether an effect predicts better than what may look like it, and is no effect that is searched."""
+    """Whether an effect predicts significantly better than its rivals, by ``policy.RIVAL_GAIN`` of their error."""
     own = [rivals[name] for name in get_effect(one.effect).rivals if name in rivals]
-    return all(likelihood.predictions(rival.fit, one.fit).is_better() for rival in own)
+    found = [likelihood.predictions(rival.fit, one.fit) for rival in own]
+    return all(each.gain > policy.RIVAL_GAIN and each.p_value < policy.FALSE_NAME for each in found)
 
 
 def named(alike: Sequence[Candidate[F]], likelihood: Likelihood[F]) -> Candidate[F]:
