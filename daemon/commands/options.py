@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -32,6 +33,12 @@ __all__ = [
     "until",
 ]
 
+
+ANGLES = {
+    "": 1.0, "rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "'": math.pi / 10800,
+    "arcmin": math.pi / 10800,
+}  # fmt: skip
+"""Units of an angle, in rad."""
 
 Command = Callable[..., Any]
 
@@ -64,6 +71,22 @@ def moment(ctx: click.Context, param: click.Parameter, value: str | None) -> dat
         raise click.BadParameter(str(error), ctx, param) from error
 
 
+class _Limit(click.ParamType[float]):
+    """A limit of a score, or of an angle in rad, or with its unit: ``60'``, ``1deg``."""
+
+    name = "limit"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(\D*?)\s*", str(value))
+        try:
+            number = float(found[1]) if found else math.nan
+        except ValueError:
+            number = math.nan
+        if not found or found[2] not in ANGLES or not (number > 0 and math.isfinite(number)):
+            self.fail(f"found {value!r}, expected a number above 0, in rad or as 60' or 1deg", param, ctx)
+        return number * ANGLES[found[2]]
+
+
 FILE = click.Path(path_type=Path)
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 config_file = click.option("--config", type=FILE, metavar="FILE", help="Configuration (TOML).")
@@ -92,10 +115,10 @@ trend_of = click.option(
 )
 trend_level = click.option(
     "--level",
-    type=float,
-    callback=positive,
+    type=_Limit(),
     metavar="X",
-    help="The limit, instead of alarm.severity_error [rad], the newest score's level, or alarm.play_error [rad].",
+    help="The limit, instead of alarm.severity_error, the newest score's level, or alarm.play_error: a score, or an "
+    "angle in rad, or as 60' or 1deg.",
 )
 statistic = click.option(
     "--statistic",

@@ -9,7 +9,7 @@ from pathlib import Path
 from lostmotion.daemon import documents, times
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.reasons import present_reason
-from lostmotion.daemon.commands.where import find_database, open_reader
+from lostmotion.daemon.commands.where import find_config, find_database, open_reader
 from lostmotion.daemon.database import is_full, is_held
 from lostmotion.daemon.learnt import NoiseRow
 from lostmotion.daemon.reader import Reader
@@ -37,7 +37,7 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
         if as_json:
             output.print_json(documents.status(reader))
         else:
-            _print(reader)
+            _print(reader, _windows(config, database))
         is_bad, clock = bool(reader.active_alarms()), reader.clock()
     if not as_json:
         output.print_lines(_about(find_database(config, database), clock))
@@ -61,15 +61,21 @@ def _about(database: Path, clock: ClockRow | None) -> list[str]:
     return [f"the service's time is {times.local(known)} UTC, {how_far} this computer's clock: {why}"]
 
 
-def _joint(reader: Reader, joint: JointRow) -> JointStatus:
+def _windows(config: Path | None, database: Path | None) -> int:
+    """How many windows count for an alarm, as the configuration of the robot says; 0 where that is not known."""
+    return find_config(config).alarm.windows if config is not None or database is None else 0
+
+
+def _joint(reader: Reader, joint: JointRow, windows: int) -> JointStatus:
     alarms = reader.alarms(joint.name, living=True)
-    return JointStatus(joint, reader.last_window(joint.name), alarms, present_reason(reader, joint, alarms))
+    return JointStatus(joint, reader.last_window(joint.name), alarms, present_reason(reader, joint, alarms, windows))
 
 
-def _print(reader: Reader) -> None:
+def _print(reader: Reader, windows: int) -> None:
     from rich.markup import escape
 
-    robot, joints, now = reader.robot(), [_joint(reader, joint) for joint in reader.joints()], datetime.now(UTC)
+    robot, now = reader.robot(), datetime.now(UTC)
+    joints = [_joint(reader, joint, windows) for joint in reader.joints()]
     output.print_markup(f"robot [bold]{escape(robot)}[/bold]" + ("" if joints else ": no joint has been seen yet"))
     if joints:
         columns = ("joint", "health", "score", "level", "play", "severity", "last window", "why")

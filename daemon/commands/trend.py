@@ -155,6 +155,8 @@ def history_of(
     of = asked or _best(series)
     if of != "score":
         level = level or _limit(config, of)
+        if level > math.pi / 2:
+            raise TrendError(f"found a limit of {level:g} rad, expected an angle as 0.01 rad, 30' or 0.5deg")
     return _history(joint, series, of, level, unit)
 
 

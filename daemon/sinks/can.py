@@ -185,8 +185,9 @@ class CanSink:
             self._wakeup.wake()
 
     def _warn_of_another(self) -> None:
-        """A heartbeat of this number is another device's: a bus gives back none of our own frames, unless asked to."""
-        if self._options.options.get("receive_own_messages"):
+        """A heartbeat of this number is another device's: a bus gives back none of our own frames, unless asked to; a
+        multicast group does."""
+        if self._options.options.get("receive_own_messages") or self._options.interface == "udp_multicast":
             return
         problem = (
             f"another device sends heartbeats as node 0x{self._options.node_id:02X}; give one of them another number"

@@ -22,7 +22,18 @@ import pytest
 from pyarrow import parquet
 
 from lostmotion.daemon.commands import output
-from lostmotion.daemon.records import DeviceRow, Origin, Origins, ScoreRow, micros
+from lostmotion.daemon.lifecycle import raised
+from lostmotion.daemon.records import (
+    Cause,
+    DeviceRow,
+    Health,
+    JointRow,
+    Origin,
+    Origins,
+    ScoreRow,
+    Severity,
+    micros,
+)
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.daemon.times import TimeError, ago, parse, span
@@ -68,6 +79,26 @@ def test_status_for_people(database: Path) -> None:
     assert "nan" not in text
     assert "alarm: elbow: warning: half of the windows (raised 2026-01-01 00:00:00.0 UTC)" in text
     assert "\x1b" not in text
+
+
+def test_the_windows_of_a_reason_are_those_of_the_configuration(database: Path, tmp_path: Path) -> None:
+    """``[alarm] windows`` counts for status as it does for the service."""
+    config = tmp_path / "robot.toml"
+    config.write_text(HARDWARE.replace("history.db", str(database)) + "[alarm]\nwindows = 3\n")
+    assert "play: 100% of the last 3 windows above the level" in call("status", "--config", config).stdout
+
+
+def test_a_reason_keeps_its_trend(tmp_path: Path) -> None:
+    """An alarm that the trend raised has windows below the level: status says what the trend is, too."""
+    share, trend = "0% of the last 20 windows above the level", "at its limit in 20 days as its trend goes"
+    why = f"play: {share}, median 0.25 x level, {trend}"
+    with closing(Store(tmp_path / "h.db", "arm1")) as store:
+        for k in range(20):
+            store.add(ScoreRow("elbow", START + timedelta(seconds=k), 0.25, 2.0, 4.0, False))
+        store.add(JointRow("elbow", Health.DEGRADED, why, START))
+        store.add(raised("elbow", Cause.PLAY, Severity.DEGRADED, why, START))
+    said = call("status", "--database", tmp_path / "h.db").stdout
+    assert "median 0.5 x level, at its limit in 20 days as its trend goes" in re.sub(r"\s+", " ", said)
 
 
 def test_status_fail(database: Path, tmp_path: Path) -> None:
@@ -248,6 +279,16 @@ def test_reading_while_the_service_writes(tmp_path: Path) -> None:
         assert len(document("history", "elbow", "--database", tmp_path / "h.db")["scores"]) == 5
     finally:
         writing.close()
+
+
+def test_a_limit_of_an_angle_has_a_unit(database: Path) -> None:
+    """60' and 1deg are the angles that the output has; 60 rad are none."""
+    levels = [document("trend", "elbow", "--database", database, "--level", one)["level"] for one in ("60'", "1deg")]
+    assert levels == pytest.approx([math.pi / 180] * 2)
+    for level, why in (("60", "found a limit of 60 rad"), ("60x", "expected a number above 0"), ("-1", "above 0")):
+        refused = call("trend", "elbow", "--database", database, "--level", level)
+        assert refused.exit_code == 2
+        assert why in refused.stderr
 
 
 def test_trend_json(database: Path) -> None:
