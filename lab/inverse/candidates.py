@@ -6,6 +6,7 @@ that, to first order, explain most of the residual of the present fit.  No selec
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -98,7 +99,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
 
     Where nothing is simulated, only effects that follow from the measured motion are candidates; on a linear axis, only
     those without an angle.  Of two nested laws the simpler one is a candidate first; once it was added, the general one
-    is a candidate in its place.
+    is a candidate in its place.  Rivals of an effect come before it.
     """
     is_simulated = isinstance(data, OutputError)
     is_linear = any(one.experiment.is_linear for one in data.signals)
@@ -137,6 +138,8 @@ def fitted_with(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Re
     name, model = wide
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(model, now.data.signals), now)
+        if found and get_effect(name).distance and found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
+            found = tried(found.model, [found.data], found.nuisance, 2 * SHORT)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [
         _fitted_from_acceleration(name, model, now, begun.get(name), now.data),
@@ -165,10 +168,10 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     size = sizes_of(now.model, now.data)
     wide = _above_rest(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
-    data, steps = now.data.suited(begin), SHORT if isinstance(now.data, OutputError) else MOST_STEPS
+    data, is_long = now.data.suited(begin), isinstance(now.data, OutputError) or get_effect(name).distance is not None
     for guess in guesses(name, begin, now, data)[:STARTS]:
         start, nuisance = initial_point(name, guess, now, data)
-        fit = None if is_over() else tried(start, [data], nuisance, steps)
+        fit = None if is_over() else tried(start, [data], nuisance, SHORT if is_long else MOST_STEPS)
         if fit and are_consistent(fit.model, [name]):
             return fit
     return None

@@ -133,7 +133,8 @@ class WholeMotion:
         Fits to a simulated motion are made in the order of the errors of their fits to the acceleration, which need no
         simulation.  They take a few steps; the best of them are continued to the end.
         """
-        wide = [one for one in candidates(now.inverse.model, added, now.inverse.data) if not only or one[0] in only]
+        known = candidates(now.inverse.model, added, now.inverse.data)
+        wide = [one for one in known if (one[0] in only if only else get_effect(one[0]).is_searched)]
         with within(policy.STAGE_SHARE * remaining_s()):
             begun, screened = self._by_acceleration(wide, now) if self.method is Method.MOTION else ({}, {})
             wide.sort(key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
@@ -144,10 +145,8 @@ class WholeMotion:
             fits = self._finished(fits, now) if self.method is Method.MOTION else fits
         judged = each(self.pool, lambda one: self._fitted(one[1]), fits, first=1)
         found = [(name, replace(fit, by_acceleration=screened.get(name))) for (name, _), fit in judged]
-        known = {*(effect for effect, _ in found), *failed}
-        yield Proposals(
-            found, tuple(name for name, _ in wide if name not in known and get_effect(name).is_searched), failed
-        )
+        done = {*(effect for effect, _ in found), *failed}
+        yield Proposals(found, tuple(name for name, _ in wide if name not in done), failed)
 
     def _by_acceleration(
         self, wide: Sequence[tuple[str, Model]], now: Fitted

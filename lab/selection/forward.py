@@ -8,7 +8,7 @@ enough; those that later ones have made superfluous are eliminated (backward.py)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -104,8 +104,7 @@ def _ranked(
     best = dict[str, Candidate[F]]()
     for one in sorted((one for _, one in each(pool, judged, predicted, first=1)), key=lambda one: -one.gain):
         best.setdefault(one.effect, one)  # two fits of one effect may have been proposed
-    rivals = {name: one for name, one in best.items() if not get_effect(name).is_searched}
-    found = [one for name, one in best.items() if name not in rivals and _exceeds(one, rivals, likelihood)]
+    found = [one for one in best.values() if not one.is_significant or _exceeds(one, now, likelihood)]
     good = [one for one in found if one.is_significant]
     if not good:
         return Step(tuple(sorted(found, key=lambda one: one.p_value)))
@@ -117,10 +116,12 @@ def _ranked(
     )
 
 
-def _exceeds(one: Candidate[F], rivals: Mapping[str, Candidate[F]], likelihood: Likelihood[F]) -> bool:
+def _exceeds(one: Candidate[F], now: F, likelihood: Likelihood[F]) -> bool:
     """Whether an effect predicts significantly better than its rivals, by ``policy.RIVAL_GAIN`` of their error."""
-    own = [rivals[name] for name in get_effect(one.effect).rivals if name in rivals]
-    found = [likelihood.predictions(rival.fit, one.fit) for rival in own]
+    if not (rivals := get_effect(one.effect).rivals):
+        return True
+    fits = [fit for batch in likelihood.proposals(now, (), rivals) for name, fit in batch.fits if name == rivals[-1]]
+    found = [likelihood.predictions(fit, one.fit) for fit in fits]
     return all(each.gain > policy.RIVAL_GAIN and each.p_value < policy.FALSE_NAME for each in found)
 
 
