@@ -9,6 +9,7 @@ import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, mapped
+from lostmotion.drivers.formats.rates import are_of_one_array
 from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, without_joint
 
@@ -68,17 +69,23 @@ def unnamed(chosen: Sequence[Chosen], series: Sequence[Series], clock: str) -> l
     columns, taken = {one.column for one in chosen}, {clock, *(one.series for one in chosen)}
     if not columns & MOTIONS or columns & DRIVES:
         return []
-    return [one.name for one in series if UNNAMED.fullmatch(one.name) and one.name not in taken][:MOST]
+    moved = next(one for one in chosen if one.column in MOTIONS)
+    left = [one.name for one in series if one.name not in taken and shown(one.name) not in moved.why]
+    return [name for name in left if UNNAMED.fullmatch(name) or are_of_one_array(moved.series, name)][:MOST]
 
 
 def switched(left: Mapping[str, Part]) -> list[str]:
-    """A note on each of these series without a name, by name, that looks like a switched input."""
+    """A note on each of these series without a name, by name, that looks like a switched input; where none does, on the
+    first."""
     many = {name: _levels(values) for name, (_, values) in left.items() if values.size >= LEAST}
+    few = {name: levels for name, levels in many.items() if 1 < levels <= LEVELS}
+    if not few and (changing := [name for name, levels in many.items() if levels > 1]):
+        told = mapped("torque", changing[0])
+        return [f"the motion is taken as free; if one of the others drives it, use that, as in {told}"]
     return [
         f"{shown(name)} has {levels} values and is not used, and the motion is taken as free; if that drives it, use "
         f"{mapped('torque', name)}, or for a motor's voltage {mapped('voltage', name)}"
-        for name, levels in many.items()
-        if 1 < levels <= LEVELS
+        for name, levels in few.items()
     ]
 
 

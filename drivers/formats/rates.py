@@ -14,7 +14,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.table import LEAST_ROWS
 from lostmotion.drivers.formats.words import SPEED_LETTER, UNNAMED, column_of, is_input, speed_of
 
-__all__ = ["Rate", "rates"]
+__all__ = ["Rate", "are_of_one_array", "rates"]
 
 BLOCKS = 200
 """pieces of a recording, in each of which the way is compared with the sum of the speed: noise averages out"""
@@ -73,13 +73,13 @@ def rates(columns: Mapping[str, NDArray[Any]], times: FloatArray | None) -> list
     return list(best.values())
 
 
-def _are_of_one_array(*names: str) -> bool:
+def are_of_one_array(*names: str) -> bool:
     """Whether these are columns of one array, as ``data[2]`` and ``data[3]``."""
     return len({INDEX.sub("[]", name) for name in names}) == 1
 
 
 def _rate(columns: Mapping[str, FloatArray], of: str, speed: str, steps: FloatArray) -> Rate | None:
-    may_be = UNNAMED.fullmatch(speed) or SPEED_LETTER.fullmatch(speed) or _are_of_one_array(of, speed)
+    may_be = UNNAMED.fullmatch(speed) or SPEED_LETTER.fullmatch(speed) or are_of_one_array(of, speed)
     is_speed = may_be or speed_of(speed) is not None
     if not is_speed or speed_of(of) is not None or column_of(of) or is_input(of):
         return None

@@ -8,6 +8,7 @@ autoregression, the covariance is H^-1 J' Gamma J H^-1 (Huber's sandwich), which
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -22,7 +23,7 @@ from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import Progress
-from lostmotion.lab.fitting.strategy import first_fit, grown
+from lostmotion.lab.fitting.strategy import best_fit, grown
 from lostmotion.lab.results import Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed_segments
 from lostmotion.lab.shooting.least_squares import projected_off
@@ -33,6 +34,8 @@ from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["fit_of", "fit_segments", "refined_fit", "rms_by_column"]
+
+log = logging.getLogger(__name__)
 
 REFINED_STEPS = 1.0
 PROMISED = 1e-4
@@ -52,7 +55,7 @@ def fit_segments(
     """
     task = Task.of(model, experiments, noise_of(experiments))
     progress("looking for the right valley", 0.0)
-    level = first_fit(model, task, pool)
+    level = best_fit(model, task, pool)
     try:
         progress("longer segments", 0.4)
         level = grown(level, task)
@@ -65,8 +68,15 @@ def fit_segments(
 
 
 def refined_fit(level: Level, task: Task) -> Fit:
-    """The result of a level after the last refinement."""
-    return fit_of(_refined_level(level, task), task)
+    """The result of a level after the last refinement; a warning says how many segments it does not follow."""
+    refined = _refined_level(level, task)
+    followed = followed_segments(refined, coarse_substep(refined.model, task.experiments, REFINED_STEPS))
+    if lost := len(refined.segments) - len(followed):
+        log.warning(
+            "%d of %d segments of %.2g s are not followed, and left out of the error",
+            lost, len(refined.segments), refined.horizon_s,
+        )  # fmt: skip
+    return fit_of(refined, task)
 
 
 def _refined_level(level: Level, task: Task) -> Level:
@@ -79,12 +89,14 @@ def _refined_level(level: Level, task: Task) -> Level:
 
 
 def fit_of(level: Level, task: Task) -> Fit:
-    """The result of a level: estimates with intervals and correlations, errors by column."""
+    """The result of a level: estimates with intervals and correlations, errors by column on the segments that the
+    model follows; those that it has lost would be the error of an impact at the wrong time."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
     covariance = _covariance(level, substep)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
-    left = rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in level.segments])
+    followed = followed_segments(level, substep) or level.segments
+    left = rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in followed])
     column = next(iter(left))
     return Fit(
         model=level.model,

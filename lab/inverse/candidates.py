@@ -168,7 +168,8 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     size = sizes_of(now.model, now.data)
     wide = _above_rest(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
-    data, is_long = now.data.suited(begin), isinstance(now.data, OutputError) or get_effect(name).distance is not None
+    effect, data = get_effect(name), now.data.suited(begin)
+    is_long = isinstance(data, OutputError) or (effect.distance is not None and effect.is_searched)
     for guess in guesses(name, begin, now, data)[:STARTS]:
         start, nuisance = initial_point(name, guess, now, data)
         fit = None if is_over() else tried(start, [data], nuisance, SHORT if is_long else MOST_STEPS)

@@ -34,7 +34,7 @@ NUMERICS = {
     "discrepancy/wave.py": (4, "frequencies of a sine"),
     "fitting/fit.py": (3, "steps of a refinement, floor and lags of a covariance"),
     "fitting/identifiability.py": (2, "what is one direction"),
-    "fitting/strategy.py": (13, "grids of first values, convergence and length of segments"),
+    "fitting/strategy.py": (14, "grids of first values, convergence and length of segments"),
     "gears/explain.py": (2, "what a step costs, what is no recording of gears"),
     "gears/score_test.py": (1, "draws of a bootstrap"),
     "gears/trials.py": (1, "steps of a fit"),
