@@ -101,7 +101,7 @@ class Bag:
         known = EPOCH_S[0] < first * 1e-9 < EPOCH_S[1]
         start = datetime.fromtimestamp(round(first * 1e-9, 6), UTC) if known else None
         broken = [note for note in self.notes if "could not be read" in note]
-        return Samples(values, clock, start, [*notes, *broken])
+        return Samples(values, clock, start, [*notes, *broken], self._log.metadata)
 
     def _look(self, topics: Sequence[str], kinds: dict[str, str]) -> list[Series]:
         """The series of each topic, from its first messages."""

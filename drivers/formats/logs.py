@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -13,9 +13,12 @@ from typing import Any, Protocol
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.formats.source import MOST_SERIES, reason, shown, too_many
+from lostmotion.drivers.toml_text import TomlError, loads
 
-__all__ = ["Channel", "Log", "McapLog", "RosbagLog"]
+__all__ = ["OWN", "Channel", "Log", "McapLog", "RosbagLog"]
 
+OWN = "lostmotion"
+"""the name of the metadata that ``lostmotion export`` writes"""
 MOST_BYTES = 1 << 29
 """of a record that is loaded at once; chunks have some 1e6"""
 RECORD, MESSAGE = Struct("<BQ"), Struct("<HIQQ")
@@ -43,6 +46,7 @@ class Log(Protocol):
     kind: str
     channels: list[Channel]
     notes: list[str]
+    metadata: dict[str, Any]
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
         """Those of the topics, roughly in order of time.  Raises RecordingError."""
@@ -58,6 +62,7 @@ class McapLog:
     def __init__(self, path: Path) -> None:
         self.kind = "MCAP"
         self.notes: list[str] = []
+        self.metadata: dict[str, Any] = {}
         self._path = path
         self._mcap = needed("mcap.stream_reader", path)
         self._found: dict[str, Channel] = {}
@@ -83,6 +88,8 @@ class McapLog:
                         yield by_id[record.channel_id], record.log_time, record.data
                     elif kind in ("Channel", "Schema"):
                         self._learn(record, by_id, schemas)
+                    elif kind == "Metadata" and record.name == OWN:
+                        self.metadata |= _values(record.metadata)
         except RecordingError:
             raise
         except Exception as error:  # whatever damage makes of it
@@ -134,12 +141,23 @@ class McapLog:
         return {}
 
 
+def _values(texts: Mapping[str, str]) -> dict[str, Any]:
+    """The metadata of a recording as ``to_mcap`` writes them, but for what follows from the messages."""
+    found: dict[str, Any] = {}
+    for key, text in texts.items():
+        if key not in ("start", "imported") and not key.endswith("_unit"):
+            with suppress(TomlError):
+                found |= {key: loads(f"value = {text}")["value"]}
+    return found
+
+
 class RosbagLog:
     """A folder with metadata.yaml, or a single ``.db3``."""
 
     def __init__(self, path: Path) -> None:
         self.kind = "rosbag2"
         self.notes: list[str] = []
+        self.metadata: dict[str, Any] = {}
         self._path = path
         self._rosbag2 = needed("rosbags.rosbag2", path)
         try:

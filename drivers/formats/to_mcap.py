@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.ros2_messages import IMU, JOINT_STATE
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.logs import OWN
 from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.recording import Recording
 from lostmotion.drivers.toml_text import toml_value
@@ -42,7 +43,7 @@ def write_mcap(recording: Recording, joint: str, path: Path) -> int:
     with path.open("wb") as file:
         writer = writer_module.Writer(file)
         writer.start("ros2", "lostmotion")
-        writer.add_metadata("lostmotion", {key: toml_value(value) for key, value in recording.metadata.items()})
+        writer.add_metadata(OWN, {key: toml_value(value) for key, value in recording.metadata.items()})
         channels = {topic: _channel(writer, store, topic) for topic in dict.fromkeys(topics.values())}
         count = 0
         for topic, row, message in _messages(recording, joint, topics, stamps, store.types):

@@ -9,6 +9,7 @@ reported without its shape.  This is the last stage of a search of gears, and of
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -146,7 +147,8 @@ def _compared(
 
 def _gain(before: Descent, after: Descent) -> float:
     """The logarithm of the ratio of two costs; minus infinity where the observers diverge."""
-    return math.log(before.cost / after.cost) if math.isfinite(after.cost) else -math.inf
+    is_less = math.isfinite(after.cost) and before.cost > 0
+    return math.log(before.cost / max(after.cost, sys.float_info.min)) if is_less else -math.inf
 
 
 def _heights(level: Level, task: Task) -> Heights:

@@ -129,11 +129,14 @@ def _without_excitation(wide: Model, effect: Effect) -> Model:
     return wide.replace({f"{effect.id}.{name}": 0.0 for name in idle})
 
 
-def fitted_with(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression]) -> Regression | None:
+def fitted_with(
+    wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], rough: Model | None = None
+) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values.
 
     wide: the effect, and the model with it; now: the fit of the present model; begun: fits to the acceleration, by
-    effect.  None where no fit is possible or the estimates contradict the definition of the effect.
+    effect; rough: the model of the file.  None where no fit is possible or the estimates contradict the definition of
+    the effect.
     """
     name, model = wide
     if not isinstance(now.data, OutputError):
@@ -144,7 +147,7 @@ def fitted_with(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Re
     fits = [
         _fitted_from_acceleration(name, model, now, begun.get(name), now.data),
         _fitted_from_guesses(name, model, now),
-        _fitted_behind_command(name, model, now, now.data),
+        _fitted_behind_command(name, model, now, rough or now.data.prior_centre),
     ]
     apt = (one for one in fits if one and are_consistent(one.model, [name]))
     return min(apt, key=lambda one: one.rms, default=None)
@@ -192,18 +195,19 @@ def _fitted_from_acceleration(
     return tried(start, data.horizons, data.begun(start, now.data.nuisance), SHORT)
 
 
-def _fitted_behind_command(name: str, wide: Model, now: Regression, data: OutputError) -> Regression | None:
+def _fitted_behind_command(name: str, wide: Model, now: Regression, rough: Model) -> Regression | None:
     """The fit of a simulated motion with an effect by which an actuator trails its command.
 
     The inertia and the damping of the present fit have absorbed it, and of the three poles of a servo behind a lag any
     one may be the lag.  So the best of its first values is held for the first steps, once beside the present values of
     the others, and once beside those of the model file from the measured initial state.
     """
-    if get_effect(name).acts_on is not ActsOn.COMMAND:
+    data = now.data
+    if get_effect(name).acts_on is not ActsOn.COMMAND or not isinstance(data, OutputError):
         return None
     first, names = _trailing(name, wide, now), [one for one in free_names(wide) if one.startswith(f"{name}.")]
     begun = []
-    for beside, nuisance in ((wide, now.nuisance), (with_values(wide, data.prior_centre), data.nuisance)):
+    for beside, nuisance in ((wide, now.nuisance), (with_values(wide, rough), data.nuisance)):
         starts = [_Start.of(beside.replace(values), nuisance, data) for values in first]
         best = min(starts, key=lambda one: one.rms)
         if not is_over() and (fit := tried(held(best.model, names), [best.data], best.nuisance, SHORT)):

@@ -138,7 +138,8 @@ class WholeMotion:
         with within(policy.STAGE_SHARE * remaining_s()):
             begun, screened = self._by_acceleration(wide, now) if self.method is Method.MOTION else ({}, {})
             wide.sort(key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
-            fitted = partial(_fitted_in_time, now=now.inverse, begun=begun, share=fair_share(self.pool, len(wide)))
+            share = fair_share(self.pool, len(wide))
+            fitted = partial(_fitted_in_time, now=now.inverse, begun=begun, rough=self.model, share=share)
             tried = each(self.pool, fitted, wide)
             failed = () if is_over() else tuple(name for (name, _), fit in tried if fit is None)
             fits = [(name, fit) for (name, _), fit in tried if fit]
@@ -266,13 +267,13 @@ def _added(fit: Regression, fewer: Model) -> float:
 
 
 def _fitted_in_time(
-    wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], share: float
+    wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], rough: Model, share: float
 ) -> Regression | None:
     """``fitted_with`` in a share of the remaining time.  On a pendulum that was filmed for 330 s the fits with a weight
     and a spring took 0.3 s each, and that with Coulomb friction 48 of 54 s, as it needs short steps: no time was left
     to compare the weight with the spring, which was named."""
     with within(share * remaining_s()):
-        return fitted_with(wide, now, begun)
+        return fitted_with(wide, now, begun, rough)
 
 
 def _compared(less: Regression, there: Regression) -> Predictions:

@@ -271,6 +271,7 @@ def _measured_state(model: Model, segment: Segment) -> FloatArray:
         return in_motion(model, experiment.drive, begin)
     seen = np.flatnonzero(~np.isnan(experiment.measured[column]))[:8]
     time, values = experiment.time[seen] - begin, experiment.measured[column][seen]
-    value, rate = np.polynomial.polynomial.polyfit(time, values, 1)
+    scale = float(np.ptp(time)) or 1.0  # times in a wrong unit may be far apart
+    value, rate = np.polynomial.polynomial.polyfit(time / scale, values, 1) / (1.0, scale)
     names = ("q", "q'") if model.base == "oscillator" else ("theta_2", "omega_2")
     return in_motion(model, experiment.drive, begin, **dict(zip(names, (float(value), float(rate)), strict=True)))

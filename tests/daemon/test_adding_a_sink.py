@@ -50,15 +50,18 @@ def command(folder: Path, *arguments: str, table: str = "") -> subprocess.Comple
 
 
 class Server:
-    """A web server on loopback; posted: the documents that were sent to it."""
+    """A web server on loopback that is busy at first; posted: the documents that were sent to it then."""
 
     def __init__(self) -> None:
-        posted = self.posted = list[dict[str, object]]()
+        posted, busy = list[dict[str, object]](), [503, 503]
+        self.posted = posted
 
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self) -> None:
-                posted.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
-                self.send_response(204)
+                sent = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                if not busy:
+                    posted.append(sent)
+                self.send_response(busy.pop() if busy else 204)
                 self.end_headers()
 
             def log_message(self, *_: object) -> None:
@@ -71,10 +74,11 @@ class Server:
 
 @pytest.mark.slow
 def test_the_service_posts_an_alarm_to_the_sink_of_another_package(tmp_path: Path) -> None:
-    """The worn elbow of the simulated robot raises an alarm, which arrives with its robot, once."""
+    """The worn elbow of the simulated robot raises an alarm, which arrives with its robot, once, although the server
+    refuses it twice; that it is away is logged once, and that it is back."""
     install(tmp_path)
     server = Server()
-    table = code("toml")[1].replace("http://127.0.0.1:8080/alarms", server.url)
+    table = code("toml")[1].replace("http://127.0.0.1:8080/alarms", server.url) + "again_s = 0.1\n"
     try:
         done = command(tmp_path, "run", "--duration", "8", "--config", table=table)
     finally:
@@ -84,6 +88,7 @@ def test_the_service_posts_an_alarm_to_the_sink_of_another_package(tmp_path: Pat
     raised = [each for each in server.posted if each["event"] == "raised"]
     assert [(each["robot"], each["joint"], each["cause"]) for each in raised] == [("simulated", "elbow", "play")]
     assert "Traceback" not in done.stderr
+    assert done.stderr.count("cannot be posted to") == done.stderr.count("is back") == 1
 
 
 def test_config_check_knows_the_keys_and_the_address(tmp_path: Path) -> None:

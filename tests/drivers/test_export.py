@@ -99,6 +99,10 @@ def test_command(tmp_path: Path) -> None:
     result = call("export", tmp_path / "rec.csv", "-o", tmp_path / "x.mcap", "--joint", "arm")
     assert result.exit_code == 0, result.stderr
     assert read_recording(tmp_path / "x.mcap").metadata["joint"] == "arm"
+    known = replace(RECORDING, metadata={"f_res_hz": 40.0, "zeta": 0.02, "note": 'a "new" bar'})
+    write_recording(known, tmp_path / "rec.csv")
+    assert call("export", tmp_path / "rec.csv", "-o", tmp_path / "x.mcap").exit_code == 0
+    assert known.metadata.items() <= read_recording(tmp_path / "x.mcap").metadata.items()
     assert is_one_line(call("export", tmp_path / "rec.csv", "-o", tmp_path / "x.txt"), "expected .mcap, or .rrd")
     assert is_one_line(call("export", tmp_path / "rec.csv", "-o", tmp_path / "no" / "x.mcap"), "cannot be written")
     assert sorted(each.name for each in tmp_path.iterdir()) == ["rec.csv", "x.mcap"]
