@@ -117,12 +117,14 @@ def _ranked(
 
 
 def _exceeds(one: Candidate[F], now: F, likelihood: Likelihood[F]) -> bool:
-    """Whether an effect predicts significantly better than its rivals, by ``policy.RIVAL_GAIN`` of their error."""
-    if not (rivals := get_effect(one.effect).rivals):
+    """Whether an effect predicts significantly better than its rivals, by ``policy.RIVAL_GAIN`` of their error; not
+    where the time was not enough to fit them."""
+    rivals = get_effect(one.effect).rivals
+    if {*rivals} <= {*now.model.effects}:
         return True
-    fits = [fit for batch in likelihood.proposals(now, (), rivals) for name, fit in batch.fits if name == rivals[-1]]
+    fits = [fit for batch in likelihood.proposals(now, (), rivals[-1:]) for _, fit in batch.fits]
     found = [likelihood.predictions(fit, one.fit) for fit in fits]
-    return all(each.gain > policy.RIVAL_GAIN and each.p_value < policy.FALSE_NAME for each in found)
+    return bool(found) and all(each.gain > policy.RIVAL_GAIN and each.p_value < policy.FALSE_NAME for each in found)
 
 
 def named(alike: Sequence[Candidate[F]], likelihood: Likelihood[F]) -> Candidate[F]:
