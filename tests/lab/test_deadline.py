@@ -97,7 +97,9 @@ def test_one_slow_effect_does_not_take_the_time_of_the_others(monkeypatch: pytes
     """A fit that does not end is given its share; all other effects are fitted."""
     tried = list[str]()
 
-    def slow(wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression]) -> Regression | None:
+    def slow(
+        wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], rough: Model
+    ) -> Regression | None:
         tried.append(wide[0])
         while wide[0] == "coulomb_friction" and not is_over():
             time.sleep(0.01)
