@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from lostmotion.daemon.commands.completion import joints
+from lostmotion.drivers.units import to_si
 
 __all__ = [
     "FILE",
@@ -33,12 +34,6 @@ __all__ = [
     "until",
 ]
 
-
-ANGLES = {
-    "": 1.0, "rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "'": math.pi / 10800,
-    "arcmin": math.pi / 10800,
-}  # fmt: skip
-"""Units of an angle, in rad."""
 
 Command = Callable[..., Any]
 
@@ -82,9 +77,10 @@ class _Limit(click.ParamType[float]):
             number = float(found[1]) if found else math.nan
         except ValueError:
             number = math.nan
-        if not found or found[2] not in ANGLES or not (number > 0 and math.isfinite(number)):
+        si, factor = to_si({"": "rad", "'": "arcmin"}.get(found[2], found[2]) if found else "") or ("", 0.0)
+        if si != "rad" or not (number > 0 and math.isfinite(number)):
             self.fail(f"found {value!r}, expected a number above 0, in rad or as 60' or 1deg", param, ctx)
-        return number * ANGLES[found[2]]
+        return number * factor
 
 
 FILE = click.Path(path_type=Path)

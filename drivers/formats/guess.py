@@ -25,7 +25,7 @@ from lostmotion.drivers.formats.words import (
 )
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS, to_si
 
-__all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told"]
+__all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told", "unknown"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
@@ -36,8 +36,13 @@ FORCE = "F"
 SHOWN = 12
 MOVES_MOST = "it moves most"
 
-Span = Callable[[str], tuple[float, float]]
-"""The least and the largest number of a series, by its name."""
+Spans = Callable[[Sequence[str]], Mapping[str, tuple[float, float]]]
+"""The least and the largest number of series, by their names."""
+
+
+def unknown(names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """The ``Spans`` of series of which no numbers are looked at."""
+    return dict.fromkeys(names, (-math.inf, math.inf))
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +76,10 @@ def guessed(
     name: str,
     clock: str = "",
     moving: Mapping[str, str] | None = None,
-    span: Span = lambda name: (-math.inf, math.inf),
+    spans: Spans = unknown,
 ) -> Guess:
-    """The columns of a recording.  name: of the file, in errors; clock: the series that is the time although its name
-    does not say so; moving: by column the axis that moves most; span: the least and the largest number of a series,
-    for what is suggested.  Raises RecordingError."""
+    """The columns of a recording, or RecordingError.  name: of the file, in errors; clock: the series that is the time
+    although its name does not say so; moving: by column the axis that moves most; spans: for what is suggested."""
     candidates = _candidates([one for one in series if one.name != clock], choice)
     _check_topics(series, choice.topics, name)
     joint = _joint(candidates, choice, name)
@@ -99,7 +103,7 @@ def guessed(
     if not chosen and len(rest) == 1 and (len(others) == 1 or not is_input(rest[0].name)):
         chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
     if not chosen:
-        advice = _several(notes) or _advice(series, clock, moving or {}, span)
+        advice = _several(notes) or _advice(series, clock, moving or {}, spans)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
@@ -149,7 +153,7 @@ def mapped(column: str, series: str, unit: str = "") -> str:
     return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
 
 
-def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], span: Span) -> str:
+def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans) -> str:
     """What to type where no column was found."""
     if all(is_time(one.name) or one.name == clock for one in series):
         return "it holds times only; join it with the file of the motion: MOTION+FILE"
@@ -164,22 +168,23 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
     if why := moving.get("why"):
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
-    example = _example(series, clock, moving, span)
+    example = _example(series, clock, moving, spans)
     return f"assign them, as in {example} (rad; else :deg, :mm, *FACTOR for counts; a speed: :rad/s, :rpm)"
 
 
-def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], span: Span) -> str:
+def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans) -> str:
     """How the first series that changes would be assigned, or the one that swings, and the next one as what drives it,
     or the one whose name says so; without times the one that ascends (``rising``) as these."""
     if swings := moving.get("perhaps", ""):
-        return mapped("position", swings, _degrees(swings, span))
+        return mapped("position", swings, _degrees(spans([swings])[swings]))
     named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
-    names = [one for one in named_so if span(one)[0] < span(one)[1]] or named_so
+    known = spans(named_so)
+    names = [one for one in named_so if known[one][0] < known[one][1]] or named_so
     if not clock and len(named_so) == len(series) > 1:
         rising = moving.get("rising", "")
         others = [one for one in names if one not in (rising, moving.get("counting"))] or names
         moves = next((one for one in others if not is_input(one)), others[0])
-        unit = _degrees(moves, span)
+        unit = _degrees(known[moves])
         without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}{unit}")
         if not rising:
             return f"{without}, if there are 100 rows a second"
@@ -190,16 +195,22 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped(column, first)
     is_speed = re.search("velo|speed", first, re.IGNORECASE)
-    unit = "" if unit_of(first, "position") else ":rad/s" if is_speed else _degrees(first, span)
+    unit = (
+        ""
+        if unit_of(first, "position")
+        else ":rad/s"
+        if is_speed
+        else _degrees(known.get(first, (-math.inf, math.inf)))
+    )
     drives = [one for one in rest if is_input(one)] or rest
     return ", and ".join(
         [mapped("position", first, unit), *(f"a torque {mapped('torque', one)}" for one in drives[:1])]
     )
 
 
-def _degrees(name: str, span: Span) -> str:
-    """The unit that is suggested for an angle: none where it may be in rad."""
-    return ":deg" if max(map(abs, span(name))) > MANY_TURNS else ""
+def _degrees(span: tuple[float, float]) -> str:
+    """The unit that is suggested for an angle from its least to its largest number: none where it may be in rad."""
+    return ":deg" if max(map(abs, span)) > MANY_TURNS else ""
 
 
 def _reached(series: Sequence[Series], chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:

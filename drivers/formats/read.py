@@ -15,7 +15,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, switched, unnamed, unused
 from lostmotion.drivers.formats.goal import goals
-from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed
+from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, unknown
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
@@ -51,12 +51,12 @@ class Imported:
 def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
-    clock, moving, more = "", {}, {}
+    clock, moving, spans = "", {}, unknown
     still: Sequence[str] = ()
     if isinstance(source, Table):
         source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
-        clock, moving, more = source.clock, liveliest(source, choice), {"span": source.span}
-    guess = guessed(source.series, choice, str(path), clock, moving, **more)
+        clock, moving, spans = source.clock, liveliest(source, choice), source.spans
+    guess = guessed(source.series, choice, str(path), clock, moving, spans)
     samples = source.read([one.series for one in guess.columns], choice)
     notes = [*source.notes, *samples.notes, *still, *guess.notes]
     parts, kept = [], []

@@ -77,11 +77,13 @@ class Table:
             values[name] = (times, numbers) if there.all() else (times[there], numbers[there])
         return Samples(values, clock_text, start, notes, self.metadata)
 
-    def span(self, name: str) -> tuple[float, float]:
-        """The least and the largest number of a series; zeros where it has none."""
-        values = np.asarray(self.load([name])[name], dtype=np.float64)
-        known = values[np.isfinite(values)]
-        return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    def spans(self, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+        """The least and the largest number of each of these series; zeros where it has none."""
+        loaded = {name: np.asarray(values, dtype=np.float64) for name, values in self.load(names).items()}
+        known = {name: values[np.isfinite(values)] for name, values in loaded.items()}
+        return {
+            name: (float(each.min()), float(each.max())) if each.size else (0.0, 0.0) for name, each in known.items()
+        }
 
     def _clock(self, choice: Choice) -> tuple[Series, Term] | None:
         """The series with the times; None where a rate was given.  Raises RecordingError."""

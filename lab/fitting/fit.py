@@ -60,7 +60,14 @@ def fit_segments(
         progress("longer segments", 0.4)
         level = grown(level, task)
         progress("refining", 0.8)
-        return refined_fit(level, task)
+        refined = _refined_level(level, task)
+        followed = _followed(refined, task)
+        if lost := len(refined.segments) - len(followed):
+            log.warning(
+                "%d of %d segments of %.2g s are not followed, and left out of the error",
+                lost, len(refined.segments), refined.horizon_s,
+            )  # fmt: skip
+        return _result(refined, task, followed)
     except KeyboardInterrupt:
         return replace(fit_of(level, task), stopped_early=True)
     finally:
@@ -68,15 +75,8 @@ def fit_segments(
 
 
 def refined_fit(level: Level, task: Task) -> Fit:
-    """The result of a level after the last refinement; a warning says how many segments it does not follow."""
-    refined = _refined_level(level, task)
-    followed = followed_segments(refined, coarse_substep(refined.model, task.experiments, REFINED_STEPS))
-    if lost := len(refined.segments) - len(followed):
-        log.warning(
-            "%d of %d segments of %.2g s are not followed, and left out of the error",
-            lost, len(refined.segments), refined.horizon_s,
-        )  # fmt: skip
-    return fit_of(refined, task)
+    """The result of a level after the last refinement."""
+    return fit_of(_refined_level(level, task), task)
 
 
 def _refined_level(level: Level, task: Task) -> Level:
@@ -91,12 +91,21 @@ def _refined_level(level: Level, task: Task) -> Level:
 def fit_of(level: Level, task: Task) -> Fit:
     """The result of a level: estimates with intervals and correlations, errors by column on the segments that the
     model follows; those that it has lost would be the error of an impact at the wrong time."""
+    return _result(level, task, _followed(level, task))
+
+
+def _followed(level: Level, task: Task) -> list[Segment]:
+    """The segments that the model follows with a fine integration step."""
+    return followed_segments(level, coarse_substep(level.model, task.experiments, REFINED_STEPS))
+
+
+def _result(level: Level, task: Task, followed: list[Segment]) -> Fit:
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
-    covariance = _covariance(level, substep)
+    covariance = _covariance(level, followed, substep)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
-    followed = followed_segments(level, substep) or level.segments
-    left = rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in followed])
+    told = followed or level.segments
+    left = rms_by_column([(s, s.residual(s.experiment.model(level.model), s.start, substep)) for s in told])
     column = next(iter(left))
     return Fit(
         model=level.model,
@@ -124,9 +133,8 @@ def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, f
     return {name: rms(*parts) for name, parts in residuals.items()}
 
 
-def _covariance(level: Level, substep_s: float) -> FloatArray:
+def _covariance(level: Level, good: Sequence[Segment], substep_s: float) -> FloatArray:
     """Covariance of z (P, P) with the initial states eliminated, from the segments that the model does not miss."""
-    good = followed_segments(level, substep_s)
     H = np.diag(1 / level.unknowns.prior**2)
     G = H.copy()  # unidentified parameters keep their prior variance
     blocks = [segment.linearised(level.model, level.unknowns, level.z, substep_s, FINE_STEP) for segment in good]

@@ -130,7 +130,7 @@ def _without_excitation(wide: Model, effect: Effect) -> Model:
 
 
 def fitted_with(
-    wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], rough: Model | None = None
+    wide: tuple[str, Model], now: Regression, begun: Mapping[str, Regression], rough: Model
 ) -> Regression | None:
     """The best fit of a model with one more effect, from several initial values.
 
@@ -147,7 +147,7 @@ def fitted_with(
     fits = [
         _fitted_from_acceleration(name, model, now, begun.get(name), now.data),
         _fitted_from_guesses(name, model, now),
-        _fitted_behind_command(name, model, now, rough or now.data.prior_centre),
+        _fitted_behind_command(name, model, now, now.data, rough),
     ]
     apt = (one for one in fits if one and are_consistent(one.model, [name]))
     return min(apt, key=lambda one: one.rms, default=None)
@@ -172,10 +172,10 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     wide = _above_rest(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     effect, data = get_effect(name), now.data.suited(begin)
-    is_long = isinstance(data, OutputError) or (effect.distance is not None and effect.is_searched)
+    is_slow = isinstance(data, OutputError) or (effect.distance is not None and effect.is_searched)
     for guess in guesses(name, begin, now, data)[:STARTS]:
         start, nuisance = initial_point(name, guess, now, data)
-        fit = None if is_over() else tried(start, [data], nuisance, SHORT if is_long else MOST_STEPS)
+        fit = None if is_over() else tried(start, [data], nuisance, SHORT if is_slow else MOST_STEPS)
         if fit and are_consistent(fit.model, [name]):
             return fit
     return None
@@ -195,15 +195,16 @@ def _fitted_from_acceleration(
     return tried(start, data.horizons, data.begun(start, now.data.nuisance), SHORT)
 
 
-def _fitted_behind_command(name: str, wide: Model, now: Regression, rough: Model) -> Regression | None:
+def _fitted_behind_command(
+    name: str, wide: Model, now: Regression, data: OutputError, rough: Model
+) -> Regression | None:
     """The fit of a simulated motion with an effect by which an actuator trails its command.
 
     The inertia and the damping of the present fit have absorbed it, and of the three poles of a servo behind a lag any
     one may be the lag.  So the best of its first values is held for the first steps, once beside the present values of
     the others, and once beside those of the model file from the measured initial state.
     """
-    data = now.data
-    if get_effect(name).acts_on is not ActsOn.COMMAND or not isinstance(data, OutputError):
+    if get_effect(name).acts_on is not ActsOn.COMMAND or is_over():
         return None
     first, names = _trailing(name, wide, now), [one for one in free_names(wide) if one.startswith(f"{name}.")]
     begun = []

@@ -107,8 +107,8 @@ class OutputError(Problem):
         """The initial position and speed of each recording in the filtered signals, and its free states in equilibrium
         with them (K R,).  A fit may move them anywhere, as near an end the transient of the filter is many times the
         noise."""
-        starts = ([one.position[0], one.velocity[0], *self._settled(self.prior_centre, one)] for one in self.signals)
-        return np.array([value for start in starts for value in start])
+        settled = [self._settled(self.prior_centre, one) for one in self.signals]
+        return np.hstack([self.measured.reshape(len(settled), -1), settled]).ravel()
 
     @property
     def measured(self) -> FloatArray:

@@ -271,7 +271,7 @@ def _measured_state(model: Model, segment: Segment) -> FloatArray:
         return in_motion(model, experiment.drive, begin)
     seen = np.flatnonzero(~np.isnan(experiment.measured[column]))[:8]
     time, values = experiment.time[seen] - begin, experiment.measured[column][seen]
-    scale = float(np.ptp(time)) or 1.0  # times in a wrong unit may be far apart
-    value, rate = np.polynomial.polynomial.polyfit(time / scale, values, 1) / (1.0, scale)
+    one_only = time.size == 1  # times in a wrong unit are so far apart
+    value, rate = (values[0], 0.0) if one_only else np.polynomial.polynomial.polyfit(time, values, 1)
     names = ("q", "q'") if model.base == "oscillator" else ("theta_2", "omega_2")
     return in_motion(model, experiment.drive, begin, **dict(zip(names, (float(value), float(rate)), strict=True)))

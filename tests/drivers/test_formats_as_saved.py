@@ -645,6 +645,15 @@ def test_quantities_in_the_line_of_the_units(tmp_path: Path) -> None:
     )
 
 
+def test_a_table_of_dates_only_is_refused_in_a_line(tmp_path: Path) -> None:
+    """No series is left of which the numbers could suggest a unit."""
+    path = tmp_path / "dates.csv"
+    path.write_text("when;note\n2026-11-01 10:00:00;a\n2026-11-01 10:00:01;b\n")
+    assert "found when, and none that is clearly a column; assign them, as in --map position=SERIES:deg" in refused(
+        path
+    )
+
+
 def test_a_force_that_is_given_moves_along_a_line(tmp_path: Path) -> None:
     """``x`` without a unit is a place in m where a force drives it, whatever that is called."""
     path = tmp_path / "rack.mat"

@@ -299,7 +299,7 @@ def test_a_lag_is_not_taken_for_another_pole_of_the_servo() -> None:
     model = build_model("servo", ["viscous_friction"])
     signals = [Signals.of(one, is_force=False) for one in experiments(model, recorded)]
     now = regressed(model, OutputError.of(signals, model))
-    candidate = fitted_with(("actuator_lag", model.with_effect("actuator_lag")), now, {})
+    candidate = fitted_with(("actuator_lag", model.with_effect("actuator_lag")), now, {}, model)
     assert candidate
     fit = refined(candidate)
     assert fit.model.parameters["actuator_lag.T"].value == pytest.approx(0.0359, rel=0.03)
@@ -315,7 +315,7 @@ def test_a_servo_with_a_limit_of_its_speed() -> None:
     model = build_model("servo", ["viscous_friction"])
     signals = [Signals.of(one, is_force=False) for one in experiments(model, recorded)]
     now = min(first_fits(model, signals), key=lambda one: one.rms)
-    candidate = fitted_with(("velocity_limit", model.with_effect("velocity_limit")), now, {})
+    candidate = fitted_with(("velocity_limit", model.with_effect("velocity_limit")), now, {}, model)
     assert candidate
     assert candidate.rms < now.rms / 20
     assert candidate.model.parameters["velocity_limit.omega_max"].value == pytest.approx(1.5646, rel=0.01)

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import Experiment, experiments
-from lostmotion.lab.shooting.initial_state import find_start, ringing_hz, segment_of, with_best_starts
+from lostmotion.lab.shooting.initial_state import (
+    _measured_state,
+    find_start,
+    ringing_hz,
+    segment_of,
+    with_best_starts,
+)
 from lostmotion.lab.shooting.segment import Segment
 from lostmotion.model import Model, build_model
 from lostmotion.model.motion import FloatArray
@@ -96,6 +103,17 @@ def test_effects_states_follow_the_base() -> None:
     found = find_start(model, segment_of(model, experiment, {"accel": NOISE}), SUBSTEP)
     assert found.start.size == 5
     assert rms(model, found) == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_segment_of_one_sample_has_no_speed() -> None:
+    """No line leads through one sample: times in ms, taken for s, are as far apart as segments are long."""
+    time = np.arange(0.0, 4.0, 0.01)
+    model = build_model("joint")
+    (experiment,) = experiments(model, [Recording(time, {"position": np.cos(time)}, name="swing.csv")])
+    one = {"position": np.where(time == 1.0, experiment.measured["position"], np.nan)}
+    segment = segment_of(model, replace(experiment, measured=one), {"position": 1e-3})
+    assert _measured_state(model, segment).tolist() == pytest.approx([math.cos(1.0), 0.0])
 
 
 def test_known_state_is_tried_too() -> None:
