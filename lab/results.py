@@ -203,6 +203,24 @@ class Rung:
     unit: str
 
 
+@dataclass(frozen=True)
+class InputLimit:
+    """How well the recorded input lets the first column be predicted, where this is worse than the sensor's noise.
+
+    step: of the readings of the input, in its unit, 0 where they are not rounded; rate_hz: of these readings; error:
+    root mean square that they cause; sensor: that of the sensor's noise.  Noise of five times the error was added.
+    """
+
+    step: float
+    rate_hz: float
+    error: float
+    sensor: float
+
+    def document(self) -> dict[str, float]:
+        """The key ``input_limit``."""
+        return {"step": self.step, "rate_hz": self.rate_hz, "error": self.error, "sensor": self.sensor}
+
+
 @dataclass(frozen=True, eq=False)
 class Explanation(Displayed):
     """What is missing from a model.
@@ -239,6 +257,7 @@ class Explanation(Displayed):
     """Seconds of the recordings that the search used, and of all; None for searches that use all."""
     left_out: tuple[int, int] = (0, 0)
     """Numbers of segments of unseen data: those left out of the errors as lost, and all."""
+    input_limit: InputLimit | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -268,6 +287,7 @@ class Explanation(Displayed):
             "delay_s": self.best.delay_s,
             "untried": list(self.untried),
             "used": {"seconds": self.used_s[0], "of": self.used_s[1]} if self.used_s else None,
+            "input_limit": self.input_limit.document() if self.input_limit else None,
             "left_out": {"segments": self.left_out[0], "of": self.left_out[1]},
             "residual": self.residual.document() if self.residual else None,
             "advice": self.advice,

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from lostmotion.model.errors import ModelError
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import BSpline, CubicSpline
 
 __all__ = ["Chirp", "FloatArray", "HandWaved", "Motion", "Sampled", "Sine", "Step", "by_name"]
 
@@ -189,10 +189,12 @@ class Step:
 class Sampled:
     """A recorded input: the cubic spline (C2, not-a-knot) through samples, straight lines outside them.
 
-    time: (N,) [s], strictly ascending, N >= 2, evenly spaced or not; values: (N,).  Raises ModelError otherwise.
+    time: (N,) [s], strictly ascending, N >= 2, evenly spaced or not; values: (N,); degree: of the spline, 3 or 5 (C4,
+    N >= 6), whose error falls with the sixth power of the spacing.  Raises ModelError otherwise.
     """
 
-    def __init__(self, time: ArrayLike, values: ArrayLike) -> None:
+    def __init__(self, time: ArrayLike, values: ArrayLike, degree: int = 3) -> None:
+        self.degree = degree
         self.time = np.array(time, dtype=np.float64)
         self.values = np.array(values, dtype=np.float64)
         if self.time.ndim != 1 or self.time.shape != self.values.shape or self.time.size < 2:
@@ -210,15 +212,18 @@ class Sampled:
                 f"times must ascend, but sample {bad} at {self.time[bad]:g} s does not follow its forerunner"
             )
 
-    def __reduce__(self) -> tuple[type[Sampled], tuple[FloatArray, FloatArray]]:
+    def __reduce__(self) -> tuple[type[Sampled], tuple[FloatArray, FloatArray, int]]:
         """To another process go the samples alone; the spline is soon made again."""
-        return Sampled, (self.time, self.values)
+        return Sampled, (self.time, self.values, self.degree)
 
     @cached_property
-    def _spline(self) -> CubicSpline[np.float64]:
-        from scipy.interpolate import CubicSpline  # late: it takes longer than all else that a closed form needs
+    def _spline(self) -> BSpline[np.float64] | CubicSpline[np.float64]:
+        # late: it takes longer than all else that a closed form needs
+        from scipy.interpolate import CubicSpline, make_interp_spline
 
-        return CubicSpline(self.time, self.values)
+        if self.degree == 3:
+            return CubicSpline(self.time, self.values)
+        return make_interp_spline(self.time, self.values, self.degree)
 
     @cached_property
     def nodes(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data import readings
 from lostmotion.lab.data.frequency_response import turned
+from lostmotion.lab.data.rounded_input import rounding_step, smooth_motion
 from lostmotion.lab.data.stand_ins import LENGTHS, is_sampled, with_stand_ins
 from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
@@ -80,6 +81,8 @@ class Experiment:
     drive_unit: str = ""
     """The unit of what was recorded in place of a torque or force: "A" for a motor's current, "V" for its voltage; ""
     where it is one."""
+    drive_step: float = 0.0
+    """The step to which the command of gears was rounded [rad], 0 where it was not; see rounded_input.py."""
 
     @property
     def duration(self) -> float:
@@ -116,13 +119,13 @@ class Experiment:
         """The experiment with an input that acts ``by_s`` [s] later than it was recorded."""
         if not isinstance(self.drive, Sampled) or not by_s:
             return self
-        return replace(self, drive=Sampled(self.drive.time + by_s, self.drive.values))
+        return replace(self, drive=Sampled(self.drive.time + by_s, self.drive.values, self.drive.degree))
 
     def with_reversed_input(self) -> Experiment:
         """The experiment with an input of the opposite sign."""
         if not isinstance(self.drive, Sampled):
             return self
-        return replace(self, drive=Sampled(self.drive.time, -self.drive.values))
+        return replace(self, drive=Sampled(self.drive.time, -self.drive.values, self.drive.degree))
 
     def model(self, model: Model) -> Model:
         """The model with the given values of this recording."""
@@ -194,6 +197,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
         _drive_unit(model.base, recording, column) if drive is not None else "",
+        rounding_step(recording.columns[column]) if model.base == "play" else 0.0,
     )  # fmt: skip
 
 
@@ -243,7 +247,7 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
             f"{recording.name}: samples of {column} between two gaps: found {longest.stop - longest.start} at most, "
             f"expected at least {LEAST_SAMPLES}"
         )
-    return Sampled(time[longest], values[longest])
+    return (smooth_motion if base == "play" else Sampled)(time[longest], values[longest])
 
 
 def _input(base: str, recording: Recording, of_motor: bool) -> str:

@@ -14,10 +14,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.experiment import Experiment, own_rows
-from lostmotion.lab.data.series import runs
+from lostmotion.lab.data.series import resolution, runs
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["noise_models", "noise_of", "quiet_noise", "resolution"]
+__all__ = ["noise_models", "noise_of", "quiet_noise"]
 
 WINDOWS = (48, 24, 12)
 """Lengths of windows [samples]; the longest with enough windows in the signal is used."""
@@ -92,14 +92,6 @@ def quiet_noise(values: FloatArray) -> NoiseModel:
     if predicted < POOR * found.innovation:
         found = NoiseModel.white(predicted)
     return found if found.rms > least.rms else least
-
-
-def resolution(values: FloatArray) -> float:
-    """The smallest difference between two values that occur (N,); 0 for less than two values."""
-    distinct = np.unique(values[np.isfinite(values)])
-    steps = np.diff(distinct)
-    steps = steps[steps > 1e-9 * np.max(np.abs(distinct), initial=0.0)]
-    return float(steps.min()) if steps.size else 0.0
 
 
 def _windows(values: FloatArray) -> FloatArray | None:

@@ -6,7 +6,15 @@ import numpy as np
 
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["rms", "runs"]
+__all__ = ["resolution", "rms", "runs"]
+
+
+def resolution(values: FloatArray) -> float:
+    """The smallest difference between two values that occur (N,); 0 for less than two values."""
+    distinct = np.unique(values[np.isfinite(values)])
+    steps = np.diff(distinct)
+    steps = steps[steps > 1e-9 * np.max(np.abs(distinct), initial=0.0)]
+    return float(steps.min()) if steps.size else 0.0
 
 
 def rms(*parts: FloatArray) -> float:

@@ -15,25 +15,27 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz
+from scipy.special import stdtrit
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.autoregression import fit_autoregression
 from lostmotion.lab.data.clipping import with_range
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.data.rounded_input import drawn_again
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import Progress
-from lostmotion.lab.fitting.strategy import best_fit, grown
+from lostmotion.lab.fitting.strategy import best_fit, grown, repaired_fit
 from lostmotion.lab.results import Fit
 from lostmotion.lab.shooting.continuation import Level, fitted, followed_segments
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import FINE_STEP, Segment
 from lostmotion.lab.shooting.task import Task, coarse_substep
-from lostmotion.model import Model
+from lostmotion.model import Model, Sampled
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["fit_of", "fit_segments", "refined_fit", "rms_by_column"]
+__all__ = ["by_column", "fit_of", "fit_segments", "refined_fit", "rms_by_column"]
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +43,8 @@ REFINED_STEPS = 1.0
 PROMISED = 1e-4
 """Least standard deviation of z: the accuracy of the solver and of the interpolated input.  Where impacts amplify every
 change, noise alone would give intervals of 1e-7, narrower than these errors."""
+DRAWS = 3
+"""Number of fits with other inputs."""
 MOST_LAGS = 4096
 """Largest lag of the residual's autocovariance [samples]."""
 
@@ -67,7 +71,7 @@ def fit_segments(
                 "%d of %d segments of %.2g s are not followed, and left out of the error",
                 lost, len(refined.segments), refined.horizon_s,
             )  # fmt: skip
-        return _result(refined, task, followed)
+        return _result(refined, task, followed, _from_rounding(refined, task))
     except KeyboardInterrupt:
         return replace(fit_of(level, task), stopped_early=True)
     finally:
@@ -76,7 +80,27 @@ def fit_segments(
 
 def refined_fit(level: Level, task: Task) -> Fit:
     """The result of a level after the last refinement."""
-    return fit_of(_refined_level(level, task), task)
+    refined = _refined_level(level, task)
+    return _result(refined, task, _followed(refined, task), _from_rounding(refined, task))
+
+
+def _from_rounding(level: Level, task: Task) -> FloatArray | float:
+    """The covariance of z (P, P) that comes from the rounding of the input: the mean square difference of ``DRAWS``
+    fits with other inputs that the readings tell as well, with the quantile of Student's t for so few.  It includes
+    their bias, which an error of the input causes (regression dilution)."""
+    inputs = {one.name: (one.drive, one.drive_step) for one in task.experiments if isinstance(one.drive, Sampled)}
+    if not any(step for _, step in inputs.values()):
+        return 0.0
+    rng, near, moved = np.random.default_rng(0), Unknowns.of(level.model, level.model), []
+    for _ in range(DRAWS):
+        drives = {name: drawn_again(drive, step, rng) for name, (drive, step) in inputs.items()}
+        segments = [
+            replace(one, experiment=replace(one.experiment, drive=drives[one.experiment.name]))
+            for one in level.segments
+        ]
+        moved.append(repaired_fit(level.model, near, segments, task).z - level.z)
+    off = np.array(moved) * float(stdtrit(DRAWS, 0.975)) / policy.HALF_WIDTH
+    return np.asarray(off.T @ off / DRAWS)
 
 
 def _refined_level(level: Level, task: Task) -> Level:
@@ -99,9 +123,10 @@ def _followed(level: Level, task: Task) -> list[Segment]:
     return followed_segments(level, coarse_substep(level.model, task.experiments, REFINED_STEPS))
 
 
-def _result(level: Level, task: Task, followed: list[Segment]) -> Fit:
+def _result(level: Level, task: Task, followed: list[Segment], also: FloatArray | float = 0.0) -> Fit:
+    """The result of a level; also: covariance of z (P, P) beside that of the noise."""
     substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
-    covariance = _covariance(level, followed, substep)
+    covariance = _covariance(level, followed, substep) + also
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
     told = followed or level.segments
@@ -125,12 +150,15 @@ def rms_by_column(segments: Sequence[tuple[Segment, FloatArray]]) -> dict[str, f
     the noise."""
     residuals: dict[str, list[FloatArray]] = {}
     for segment, r in segments:
-        at = 0
-        for name, values in segment.experiment.measured.items():
-            count = int(np.sum(~np.isnan(values)))
-            residuals.setdefault(name, []).append(r[at : at + count] * segment.noise[name])
-            at += count
+        for name, part in by_column(segment, r).items():
+            residuals.setdefault(name, []).append(part * segment.noise[name])
     return {name: rms(*parts) for name, parts in residuals.items()}
+
+
+def by_column(segment: Segment, r: FloatArray) -> dict[str, FloatArray]:
+    """The residual (M,) of a segment, in units of the noise, in the parts of its columns."""
+    counts = [int(np.sum(~np.isnan(values))) for values in segment.experiment.measured.values()]
+    return dict(zip(segment.experiment.measured, np.split(r, np.cumsum(counts)[:-1]), strict=True))
 
 
 def _covariance(level: Level, good: Sequence[Segment], substep_s: float) -> FloatArray:

@@ -19,7 +19,8 @@ from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.fit import fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.fitting.strategy import first_fit, full_fit, predictable
+from lostmotion.lab.fitting.strategy import full_fit, predictable, searched_fit
+from lostmotion.lab.gears.input_error import input_error
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.unseen import Unseen, Validation, exceeds_noise
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit
@@ -54,12 +55,13 @@ def explained_gears(
     model, held = with_scale(model, [*train, last])
     whole_s = sum(one.duration for one in (*train, last))
     train, last = _used(model, train, last, budget_s)
-    (*train, last), noise = dithered(model, [*train, last], noise)
-    task = Task.of(model, train, noise)
+    known, sensor = input_error(model, last, noise, pool), noise
+    (*train, last), noise = dithered(model, [*train, last], sensor, known.columns)
+    task = replace(Task.of(model, train, noise), longest_s=known.longest_s, input_share=known.share(noise))
     left_s = budget_s - spent_s
     progress("fitting what is there", 0.0)
     with within(policy.STAGE_SHARE * left_s):
-        short = first_fit(model, task, pool)
+        short = searched_fit(model, task, pool)
         unseen = Unseen(last, task, predictable(short, task), pool)
         selection = selected(ShortSegments(short, unseen), progress)
     progress("refining", 0.9)
@@ -67,7 +69,7 @@ def explained_gears(
         found = _explanation(selection, task, pool)
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s
-    return replace(found, held=held, used_s=used_s)
+    return replace(found, held=held, used_s=used_s, input_limit=known.limit(last, sensor))
 
 
 def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:

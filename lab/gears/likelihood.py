@@ -254,10 +254,12 @@ class ShortSegments:
         """``policy.FAR_GAIN`` where the error stays far from the noise, as almost any effect shifts impacts and
         improves some.  Near the noise ``policy.LEAST_GAIN`` of the part of the squared error that exceeds the noise, as
         an effect that raises the error by 1 % can be significant, or of that share where nothing exceeds it: a delay
-        of a nanosecond took 0.0014 (p = 4e-5)."""
+        of a nanosecond took 0.0014 (p = 4e-5).  At least the share that the input causes: a compliant shaft took 0.02
+        of what the steps of a command had left."""
         if fit.rms >= policy.FAR * now.floor:
             return policy.FAR_GAIN
-        return policy.LEAST_GAIN * max(1 - (now.floor / now.rms) ** 2, policy.LEAST_GAIN)
+        exceeding = max(1 - (now.floor / now.rms) ** 2, policy.LEAST_GAIN)
+        return max(policy.LEAST_GAIN * exceeding, self.task.input_share)
 
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard

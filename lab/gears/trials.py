@@ -19,10 +19,9 @@ from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.strategy import doubled, full_fit, repaired_fit
 from lostmotion.lab.gears.score_test import Direction
-from lostmotion.lab.gears.unseen import LONGER
 from lostmotion.lab.observer.global_search import FARTHEST, search_effects
 from lostmotion.lab.selection.nesting import in_place, merged, others
-from lostmotion.lab.shooting.continuation import Level, fitted
+from lostmotion.lab.shooting.continuation import LONGER, Level, fitted
 from lostmotion.lab.shooting.initial_guess import restarts
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment, start_with, state_scales

@@ -18,20 +18,18 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.whiteness import is_structured
-from lostmotion.lab.fitting.fit import rms_by_column
+from lostmotion.lab.fitting.fit import by_column, rms_by_column
 from lostmotion.lab.fitting.strategy import observed_states, with_initial_states
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.shooting.continuation import merged, tiles
+from lostmotion.lab.shooting.continuation import LONGER, merged, tiles
 from lostmotion.lab.shooting.initial_state import repaired, with_best_starts
 from lostmotion.lab.shooting.segment import Segment, residuals, start_with, state_scales
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["LONGER", "Unseen", "Validation", "compared", "exceeds_noise"]
+__all__ = ["Unseen", "Validation", "compared", "exceeds_noise"]
 
-LONGER = 1.2
-"""Largest ratio of the length of segments to the requested length."""
 POLISHED = 6
 
 
@@ -95,10 +93,13 @@ def compared(one: Validation, other: Validation) -> Predictions:
 
 
 def exceeds_noise(validation: Validation) -> bool:
-    """Whether the residual of a model is more than noise: it is larger than ``policy.UNLIKE_NOISE``, or has structure
-    in the segments with the smallest errors, which the model surely follows."""
+    """Whether the residual of a model is more than noise: it is larger than ``policy.UNLIKE_NOISE``, or in the main
+    column has structure in the segments with the smallest errors, which the model surely follows.  The noise of other
+    columns may be rounding, or wrong: a variance that changes from column to column is no structure."""
+    if validation.error > policy.UNLIKE_NOISE:
+        return True
     best = validation.kept[: math.ceil((1 - policy.LOST_SHARE) * validation.errors.size)]
-    return validation.error > policy.UNLIKE_NOISE or is_structured([validation.parts[i] for i in best])
+    return is_structured([next(iter(by_column(validation.segments[i], validation.parts[i]).values())) for i in best])
 
 
 @dataclass(frozen=True, eq=False)

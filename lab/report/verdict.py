@@ -12,7 +12,7 @@ from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
-from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, Ladder
+from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
 
 __all__ = [
     "detectable",
@@ -41,7 +41,8 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
             f"Nothing is missing: the model explains these recordings down to the noise: {_against(error)}."
         )
     else:
-        sentences.append(_falls(error, len(explanation.missing)))
+        noise = "noise" if explanation.input_limit else "sensor's noise"
+        sentences.append(_falls(error, len(explanation.missing), noise))
     if explanation.verdict == "outside_catalogue":
         sentences.append(
             "Something is missing; the time was not enough to say what."
@@ -56,6 +57,8 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     sentences += _unidentified(explanation)
     sentences += _on_unseen_samples(explanation)
     sentences += [_held(one) for one in explanation.held]
+    if explanation.input_limit:
+        sentences.append(_limited(explanation.input_limit, error))
     sentences += _unused(explanation)
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
@@ -206,13 +209,23 @@ def joined(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
-def _falls(error: Errors, count: int) -> str:
+def _falls(error: Errors, count: int, what: str) -> str:
     """ "Adding it brings the error from 4.1 to 0.41 m/s²; the sensor's noise is 0.40." """
     if not count:
         return f"The error is {_against(error)} of noise."
     (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
     them = "it" if count == 1 else "them"
-    return f"Adding {them} brings the error from {before} to {with_unit(after, unit)}; the sensor's noise is {noise}."
+    return f"Adding {them} brings the error from {before} to {with_unit(after, unit)}; the {what} is {noise}."
+
+
+def _limited(limit: InputLimit, error: Errors) -> str:
+    """A sentence on the error that the recorded command causes."""
+    (causes, sensor, added), unit = quantities(error.unit, limit.error, limit.sensor, error.noise)
+    steps = f"in steps of {quantity(limit.step, 'rad', 2)}" if limit.step else f"{limit.rate_hz:.0f} times a second"
+    return (
+        f"The command is recorded {steps}, which alone causes an error of {with_unit(causes, unit)}. So that it is not "
+        f"taken for an effect, the readings were given a noise of {added} instead of {with_unit(sensor, unit)}."
+    )
 
 
 def _held(one: Estimate) -> str:

@@ -25,6 +25,7 @@ from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
+    "LONGER",
     "Level",
     "are_missed",
     "errors",
@@ -40,6 +41,8 @@ FIRST_S = {"play": 0.25, "joint": 1.0, "servo": 0.75}
 wrong place."""
 FIRST_SAMPLES = 1024
 """The same for other bases, in samples: a sample of such segments is representative."""
+LONGER = 1.2
+"""Largest ratio of the length of segments to the requested length."""
 OUTSIDE, LEAST_HUBER = 2.0, 3.0
 """Bound of Huber's cost, in medians of |r|, and its least value, in units of the noise."""
 

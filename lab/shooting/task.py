@@ -32,7 +32,8 @@ class Task:
 
     rough: the model of the file, with linear parameters from the spectra; experiments; noise: root mean square of the
     noise of each column; substep_s: integration step of a search [s]; halvings: how often the experiments are halved
-    for the shortest segments.
+    for the shortest segments; longest_s: length of the longest segments that the input allows [s];
+    input_share: share of the squared noise of the main column that the input causes.
     """
 
     rough: Model
@@ -40,6 +41,8 @@ class Task:
     noise: dict[str, float]
     substep_s: float
     halvings: int
+    longest_s: float = math.inf
+    input_share: float = 0.0
 
     @property
     def tiles(self) -> list[Experiment]:
@@ -73,17 +76,20 @@ def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: floa
 
 
 def dithered(
-    model: Model, experiments: Sequence[Experiment], noise: Mapping[str, float]
+    model: Model, experiments: Sequence[Experiment], noise: Mapping[str, float], input_error: Mapping[str, float] = {}
 ) -> tuple[list[Experiment], dict[str, float]]:
     """The experiments, and the noise of their columns, with white noise added to columns whose noise is below
-    ``DITHER`` times the error of integration of a search.
+    ``DITHER`` times the error of integration of a search, or times that of the input.
 
     The error of integration depends on the motion, as the error of a model that lacks an effect does.  Of gears
     simulated at 1 kHz the force was integrated to 2e-4 of its size, 16 times the noise found in it, and the very model
     that had made it was refused.
     """
     error = _step_error(model, experiments[0], coarse_substep(model, experiments))
-    least = {name: max(deviation, DITHER * error.get(name, 0.0)) for name, deviation in noise.items()}
+    least = {
+        name: max(deviation, DITHER * max(error.get(name, 0.0), input_error.get(name, 0.0)))
+        for name, deviation in noise.items()
+    }
     rng, changed = np.random.default_rng(0), []
     for experiment in experiments:
         measured = {

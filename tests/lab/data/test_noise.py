@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
-from lostmotion.lab.data.noise import quiet_noise, resolution
+from lostmotion.lab.data.noise import quiet_noise
+from lostmotion.lab.data.series import resolution
 from tests.lab.simulated_gears import NOISE, RATE_HZ, moved
 
 FloatArray = NDArray[np.float64]
