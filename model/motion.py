@@ -216,6 +216,10 @@ class Sampled:
         """To another process go the samples alone; the spline is soon made again."""
         return Sampled, (self.time, self.values, self.degree)
 
+    def changed(self, later_s: float = 0.0, sign: float = 1.0) -> Sampled:
+        """The input later by ``later_s`` [s], and times ``sign``."""
+        return Sampled(self.time + later_s, sign * self.values, self.degree)
+
     @cached_property
     def _spline(self) -> BSpline[np.float64] | CubicSpline[np.float64]:
         # late: it takes longer than all else that a closed form needs

@@ -117,15 +117,11 @@ class Experiment:
 
     def delayed(self, by_s: float) -> Experiment:
         """The experiment with an input that acts ``by_s`` [s] later than it was recorded."""
-        if not isinstance(self.drive, Sampled) or not by_s:
-            return self
-        return replace(self, drive=Sampled(self.drive.time + by_s, self.drive.values, self.drive.degree))
+        return replace(self, drive=self.drive.changed(by_s)) if isinstance(self.drive, Sampled) and by_s else self
 
     def with_reversed_input(self) -> Experiment:
         """The experiment with an input of the opposite sign."""
-        if not isinstance(self.drive, Sampled):
-            return self
-        return replace(self, drive=Sampled(self.drive.time, -self.drive.values, self.drive.degree))
+        return replace(self, drive=self.drive.changed(sign=-1)) if isinstance(self.drive, Sampled) else self
 
     def model(self, model: Model) -> Model:
         """The model with the given values of this recording."""
