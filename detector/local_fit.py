@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
 
 __all__ = ["Curvature", "LocalFit"]
 
@@ -15,14 +14,9 @@ REANCHOR = 64
 """Samples after which the running sums are recomputed, so that rounding errors do not accumulate."""
 NO_SUMS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-
-class Curvature(NamedTuple):
-    """Second derivative of the parabola, its time (mean of the samples' times) and its standard deviation for samples
-    with independent errors of unit variance."""
-
-    time: float
-    value: float
-    gain: float
+Curvature = tuple[float, float, float]
+"""Time of a parabola (mean of the samples' times), its second derivative, and the standard deviation of that for
+samples with independent errors of unit variance.  No class: one is made for each sample."""
 
 
 class LocalFit:
@@ -33,6 +27,7 @@ class LocalFit:
 
     def __init__(self, span: float) -> None:
         self.span = span
+        self._length = span * (1 + 1e-9)
         self.clear()
 
     def clear(self) -> None:
@@ -40,30 +35,31 @@ class LocalFit:
         self.samples: deque[tuple[float, float]] = deque()
         self._anchor = self._offset = 0.0
         self._age = REANCHOR
-        self._sums = NO_SUMS
+        self.sums = NO_SUMS
 
     def add(self, time: float, value: float) -> Curvature | None:
         """Takes a sample, later than all before; the curvature, or None while the span is not well covered."""
         samples = self.samples
         samples.append((time, value))
         self._age += 1
-        oldest = time - self.span * (1 + 1e-9)
-        while samples[0][0] < oldest:
-            self._count(*samples.popleft(), -1.0)
-        self._count(time, value, 1.0)
         if self._age > REANCHOR:
             self._reanchor()
+        else:
+            self._slide(time, value)
         if len(samples) < LEAST_POINTS or time - samples[0][0] < LEAST_COVER * self.span:
             return None
         return self._curvature()
 
     def stood(self, most: float, since: float) -> bool:
         """Whether the samples no older than ``since`` differ by at most so much; usually the last two decide."""
-        high, low = -math.inf, math.inf
+        high = low = self.samples[-1][1]
         for time, value in reversed(self.samples):
             if time < since:
                 break
-            high, low = max(high, value), min(low, value)
+            if value > high:
+                high = value
+            elif value < low:
+                low = value
             if high - low > most:
                 return False
         return True
@@ -76,26 +72,39 @@ class LocalFit:
         values = [value for _, value in samples]
         return max(values) - min(values) >= least
 
-    def _reanchor(self) -> None:
-        self._anchor, self._offset = self.samples[-1]
-        self._age = 0
-        self._sums = NO_SUMS
-        for time, value in self.samples:
-            self._count(time, value, 1.0)
-
-    def _count(self, time: float, value: float, sign: float) -> None:
-        """Adds a sample (1) to the sums, or removes it (-1)."""
-        s1, s2, s3, s4, y0, y1, y2 = self._sums
-        t = time - self._anchor
+    def _slide(self, time: float, value: float) -> None:
+        """Takes the samples that have become too old out of the sums, and adds the newest."""
+        samples, anchor, offset = self.samples, self._anchor, self._offset
+        s1, s2, s3, s4, y0, y1, y2 = self.sums
+        oldest = time - self._length
+        while samples[0][0] < oldest:
+            gone, was = samples.popleft()
+            t, y = gone - anchor, was - offset
+            t2 = t * t
+            s1, s2, s3, s4, y0, y1, y2 = s1 - t, s2 - t2, s3 - t2 * t, s4 - t2 * t2, y0 - y, y1 - y * t, y2 - y * t2
+        t, y = time - anchor, value - offset
         t2 = t * t
-        y = sign * (value - self._offset)
-        square = sign * t2
-        self._sums = s1 + sign * t, s2 + square, s3 + square * t, s4 + square * t2, y0 + y, y1 + y * t, y2 + y * t2
+        self.sums = s1 + t, s2 + t2, s3 + t2 * t, s4 + t2 * t2, y0 + y, y1 + y * t, y2 + y * t2
+
+    def _reanchor(self) -> None:
+        """Begins the sums anew, with all samples that are not too old."""
+        kept = self.samples
+        oldest = kept[-1][0] - self._length
+        while kept[0][0] < oldest:
+            kept.popleft()
+        self._anchor, self._offset = kept[-1]
+        self._age = 0
+        s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
+        for time, value in kept:
+            t, y = time - self._anchor, value - self._offset
+            t2 = t * t
+            s1, s2, s3, s4, y0, y1, y2 = s1 + t, s2 + t2, s3 + t2 * t, s4 + t2 * t2, y0 + y, y1 + y * t, y2 + y * t2
+        self.sums = s1, s2, s3, s4, y0, y1, y2
 
     def _curvature(self) -> Curvature:
         """Normal equations in central moments c_k of the times; the parabola's part orthogonal to a line."""
         n = len(self.samples)
-        m, s2, s3, s4, y0, y1, y2 = self._sums
+        m, s2, s3, s4, y0, y1, y2 = self.sums
         m /= n
         m2 = m * m
         c2 = s2 / n - m2
@@ -105,4 +114,4 @@ class LocalFit:
         slope = y1 - m * y0
         bow = y2 - 2 * m * y1 + (m2 - c2) * y0
         spread = n * (c4 - c2 * c2 - skew * c3)
-        return Curvature(self._anchor + m, 2 * (bow - skew * slope) / spread, 2 / math.sqrt(spread))
+        return self._anchor + m, 2 * (bow - skew * slope) / spread, 2 / math.sqrt(spread)

@@ -112,20 +112,21 @@ class Trigger:
         return reversal
 
     def _take(self, time: float, command: float, now: float) -> Reversal | None:
-        self._noise.add(time, command, self._step)
-        jumped = self._jump.add(time, command, max(REST_STEPS * self._step, JUMP_FACTOR * self._noise.level))
+        step, fit, jump, noise = self._step, self._fit, self._jump, self._noise
+        noise.add(time, command, step)
+        jumped = jump.add(time, command, max(REST_STEPS * step, JUMP_FACTOR * noise.level))
         if jumped is not None:
             at, change = jumped
             self._forget()
-            return Reversal(at, now, JUMP_SWING * change / self._fit.span**2)
-        curvature = self._fit.add(time, command)
-        return None if curvature is None else self._follow(curvature, now)
-
-    def _follow(self, curvature: Curvature, now: float) -> Reversal | None:
-        self._lobes.add(curvature)
-        if abs(curvature.value) < self._threshold(curvature.gain):
+            return Reversal(at, now, JUMP_SWING * change / fit.span**2)
+        curvature = fit.add(time, command)
+        if curvature is None:
             return None
-        if self._jump.pending or not self._fit.moves(REST_STEPS * self._step):
+        self._lobes.add(curvature)
+        _, accel, gain = curvature
+        if abs(accel) < self._threshold(gain):
+            return None
+        if jump.pending or not fit.moves(REST_STEPS * step):
             return None
         changed = self._lobes.enter(curvature)
         return None if changed is None else Reversal(changed[0], now, changed[1])
@@ -157,13 +158,14 @@ class _Lobes:
 
     def add(self, curvature: Curvature) -> None:
         """Takes every acceleration, strong or weak, and keeps the last zero crossing."""
-        if self._recent and (self._recent[-1].value > 0) != (curvature.value > 0):
-            self._crossing = _zero(self._recent[-1], curvature)
-        self._recent.append(curvature)
+        recent = self._recent
+        if recent and (recent[-1][1] > 0) != (curvature[1] > 0):
+            self._crossing = _zero(recent[-1], curvature)
+        recent.append(curvature)
 
     def enter(self, curvature: Curvature) -> tuple[float, float] | None:
         """Takes a strong acceleration after ``add``; time and swing of the reversal if it begins a new lobe."""
-        time, accel = curvature.time, curvature.value
+        time, accel, _ = curvature
         old, since, extreme = self._direction, self._strong, self._extreme
         self._direction, self._strong = math.copysign(1.0, accel), time
         if old == self._direction:
@@ -179,9 +181,10 @@ class _Lobes:
 
 def _zero(one: Curvature, other: Curvature) -> float:
     """Where the line through two accelerations is zero [s]."""
-    if one.value == other.value:
-        return other.time
-    return one.time + one.value / (one.value - other.value) * (other.time - one.time)
+    (before, accel, _), (after, changed, _) = one, other
+    if accel == changed:
+        return after
+    return before + accel / (accel - changed) * (after - before)
 
 
 def _plain(values: Sequence[float] | FloatArray) -> Sequence[float]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from lostmotion.detector.local_fit import LocalFit
+from lostmotion.detector.local_fit import REANCHOR, LocalFit
 from lostmotion.detector.noise import NoiseLevel
+from lostmotion.detector.window import FloatArray
 
 
 def test_running_sums_equal_a_polynomial_fit() -> None:
@@ -23,8 +26,39 @@ def test_running_sums_equal_a_polynomial_fit() -> None:
             continue
         t, y = time[: index + 1][inside], angle[: index + 1][inside]
         assert curvature is not None
-        assert curvature.value == pytest.approx(2 * np.polyfit(t - t.mean(), y, 2)[0], rel=1e-6, abs=1e-6)
-        assert curvature.time == pytest.approx(t.mean(), abs=1e-7)
+        at, value, _ = curvature
+        assert value == pytest.approx(2 * np.polyfit(t - t.mean(), y, 2)[0], rel=1e-6, abs=1e-6)
+        assert at == pytest.approx(t.mean(), abs=1e-7)
+
+
+@given(
+    steps=st.lists(st.tuples(st.floats(0.001, 0.05), st.integers(-3, 3)), min_size=10, max_size=200),
+    count=st.sampled_from([5e-3, 1.0]),
+)
+def test_running_sums_are_those_of_sample_by_sample(steps: list[tuple[float, int]], count: float) -> None:
+    """Any motion in whole counts, up and down, with rests and gaps: exactly the sums that take each old sample out and
+    put the new one in, one after the other, so that rounding is the same whatever the implementation."""
+    fit = LocalFit(0.2)
+    sums, kept, anchor, offset, age = np.zeros(7), list[tuple[float, float]](), 0.0, 0.0, REANCHOR
+
+    def terms(time: float, value: float) -> FloatArray:
+        t, y = time - anchor, value - offset
+        return np.array([t, t * t, t * t * t, (t * t) * (t * t), y, y * t, y * (t * t)])
+
+    time, angle = 1e4, 0.0
+    for pause, change in steps:
+        time, angle, age = time + pause, angle + change * count, age + 1
+        fit.add(time, angle)
+        kept.append((time, angle))
+        while kept[0][0] < time - 0.2 * (1 + 1e-9):
+            sums = sums - terms(*kept.pop(0))
+        sums = sums + terms(time, angle)
+        if age > REANCHOR:
+            (anchor, offset), age, sums = kept[-1], 0, np.zeros(7)
+            for one in kept:
+                sums = sums + terms(*one)
+        assert fit.sums == tuple(sums)
+        assert list(fit.samples) == kept
 
 
 def test_gain_is_the_standard_deviation_of_the_curvature() -> None:
@@ -32,10 +66,10 @@ def test_gain_is_the_standard_deviation_of_the_curvature() -> None:
     rng = np.random.default_rng(21)
     fit = LocalFit(0.2)
     results = [fit.add(0.01 * i, value) for i, value in enumerate(rng.normal(size=20000))]
-    values = [r.value for r in results if r is not None]
+    values = [value for _, value, _ in filter(None, results)]
     last = results[-1]
     assert last is not None
-    assert np.std(values) == pytest.approx(last.gain, rel=0.05)
+    assert np.std(values) == pytest.approx(last[2], rel=0.05)
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.003])
