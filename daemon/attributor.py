@@ -75,6 +75,11 @@ class Attributor:
                 self._prior = [min(max(origin.probabilities[joint], DOUBT), 1 - DOUBT) for joint in self.joints]
                 self._pool()
 
+    def continue_from(self, earlier: Attributor) -> None:
+        """Goes on with the windows of an earlier one of the same joints and sensors, whose clock has not begun anew."""
+        self._prior, self._evidence, self._weighed = earlier._prior, earlier._evidence, earlier._weighed
+        self.origin = earlier.origin
+
     def add_window(self, window: Window) -> None:
         """A window of one of these joints has been scored."""
         if len(self._evidence) < WINDOWS or window.start >= self._weighed + PACE_S:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lostmotion.daemon.attributor import Attributor, SharedSensor
 from lostmotion.daemon.capture import Capture
@@ -46,6 +46,25 @@ class Robot:
         self._check_of = {joint.name: self._checks[joint.accelerometer] for joint in config.joints}
         self._capture: Capture | None = None
         self._started = time.monotonic()
+
+    def continue_from(self, earlier: Robot) -> None:
+        """Keeps what another robot on the same clock knows of which joint has the play, where neither the joints nor
+        their accelerometers have changed."""
+        if self.config.is_virtual or earlier.config.is_virtual:
+            return
+        for attributor in self.pipeline.attributors:
+            of = attributor.joints, attributor.accelerometers
+            for other in earlier.pipeline.attributors:
+                if (other.joints, other.accelerometers) == of and self._have_stayed(earlier.config, *of):
+                    attributor.continue_from(other)
+
+    def _have_stayed(self, config: Config, joints: Iterable[str], sensors: Iterable[str]) -> bool:
+        """Whether these are the same in another configuration."""
+        own = self.config
+        return all(own.joint(name) == config.joint(name) for name in joints) and all(
+            own.accelerometer(name) == config.accelerometer(name) and _noise(own, name) == _noise(config, name)
+            for name in sensors
+        )
 
     def capture(self, capture: Capture | None) -> None:
         """From now on a joint and its accelerometer are recorded, and no other; None: nothing is."""
@@ -183,6 +202,12 @@ class Robot:
             sensor = self.config.make_accelerometer(options, self.clock)
             ring, period = self.rings[options.name], 1 / options.rate_hz
             yield AccelPoller(options.name, sensor, self.stop, ring, period, self.config.is_virtual, self.clock.cycle_s)
+
+
+def _noise(config: Config, sensor: str) -> tuple[float | None, tuple[float, ...]]:
+    """The noise of an accelerometer, where it is calibrated."""
+    settings = config.bar_settings(config.accelerometer(sensor))
+    return settings.noise_ms2, settings.noise_colour
 
 
 def _record(capture: Capture, samples: list[ServoSample]) -> None:

@@ -150,11 +150,12 @@ class Service:
 
     # --- start and end of a configuration ---------------------------------------------------------------------------
 
-    def _begin(self, known: Sequence[Change | ScoreRow] = ()) -> None:
+    def _begin(self, known: Sequence[Change | ScoreRow] = (), earlier: Robot | None = None) -> None:
         """Starts the present configuration: health from the store, sinks, then the pollers.
 
         known: what the last configuration knew of the alarms, where it was on the same store.  A database that has been
         deleted since the last look at it would be read as one without alarms, and one on a full disk without the last.
+        earlier: the robot until now, of which this one may know more than the database.
         """
         config = self._config
         self._stamps.follow(self._robot.clock, self._store)
@@ -164,6 +165,8 @@ class Service:
         with self._store.reader() as reader:
             for attributor in self._robot.pipeline.attributors:
                 attributor.resume(reader.origins())
+            if earlier is not None:
+                self._robot.continue_from(earlier)
             self._learning = Learning(self._robot, reader.noises(), reader.flanks())
         self._sinks, self._exporter = [], None
         self._sinks = _sinks(config)
@@ -232,16 +235,16 @@ class Service:
 
     def _change_to(self, config: Config, robot: Robot, store: Store) -> str:
         """Ends the old configuration and starts the new; when that fails, starts the old one again and returns why."""
-        old_config, old_store = self._config, self._store
+        old_config, old_store, old_robot = self._config, self._store, self._robot
         self._finish()
         known = self._alarm_manager.newest
         try:
-            self._live(config, robot, store, known if store is old_store else ())
+            self._live(config, robot, store, known if store is old_store else (), old_robot)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
             refusal = _log_kept_configuration(error)
             self._robot.stop.set()
             self._close_sinks()
-            self._live(old_config, Robot(old_config), old_store, known)
+            self._live(old_config, Robot(old_config), old_store, known, old_robot)
             unused = store
         else:
             log.info("configuration taken: %s", _monitored(config))
@@ -250,18 +253,20 @@ class Service:
             unused.close()
         return refusal
 
-    def _live(self, config: Config, robot: Robot, store: Store, known: Sequence[Change | ScoreRow]) -> None:
+    def _live(
+        self, config: Config, robot: Robot, store: Store, known: Sequence[Change | ScoreRow], earlier: Robot
+    ) -> None:
         store.configure(config.robot.name, config.store.keep_windows_mb, config.store.keep_scores_days)
         self._config, self._robot, self._store = config, robot, store
-        self._begin(known)
+        self._begin(known, earlier)
 
     def _leave_damaged_store(self, damage: Exception) -> None:
         """Goes on in a new database."""
         self._finish()
         known = self._alarm_manager.newest
         self._renew_store(damage, known)
-        self._robot = Robot(self._config)
-        self._begin(known)
+        earlier, self._robot = self._robot, Robot(self._config)
+        self._begin(known, earlier)
 
     def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:
         """A new database, with the active alarms and what was not written yet; raises an alarm about it."""

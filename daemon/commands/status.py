@@ -82,7 +82,9 @@ def _print(reader: Reader, windows: int) -> None:
         rows = [_row(joint, now) for joint in joints]
         output.print_table(columns, rows, right=("score", "level", "play", "severity"))
     output.print_lines([_alarm(alarm) for joint in joints for alarm in joint.alarms])
-    output.print_lines([f"play: {origin}, after {origin.windows} windows" for origin in reader.origins()])
+    output.print_lines(
+        [f"play: {origin}, after {output.counted(origin.windows, 'window')}" for origin in reader.origins()]
+    )
     output.print_lines([line for device in reader.devices() if (line := _complaint(device))])
     output.print_lines([line for row in reader.noises() for line in _learnt(row)])
     output.print_lines([f"{row.joint}: {row}" for row in reader.flanks()])

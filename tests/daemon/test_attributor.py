@@ -140,3 +140,15 @@ def test_known_joints_are_weighed_seldom(monkeypatch: pytest.MonkeyPatch) -> Non
     scored = heard(listeners, "elbow", Noting(listeners), pieces=64)
     assert len(scored) > 3 * len(starts)
     assert np.diff(starts[-4:]).min() >= 1.0
+
+
+def test_the_next_one_goes_on_with_the_windows() -> None:
+    """Its windows, its probabilities and its pace are those of the earlier one."""
+    listeners = shared({"elbow": 0.1, "shoulder": 0.25})
+    heard(listeners, "elbow", first := Attributor(listeners), pieces=4)
+    assert first.origin.windows > 2
+    following = Attributor(listeners)
+    following.resume([first.origin])
+    assert following.origin.windows == 0
+    following.continue_from(first)
+    assert following.origin == first.origin

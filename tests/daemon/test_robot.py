@@ -13,6 +13,7 @@ import pytest
 
 from lostmotion.daemon import config
 from lostmotion.daemon.poller import INBOX_READINGS, AccelPoller, DeviceState
+from lostmotion.daemon.records import Origin
 from lostmotion.daemon.ring import Ring
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.waker import Waker
@@ -114,6 +115,29 @@ def test_a_loose_plug_is_told_once(
     assert caplog.messages == [
         "fake: reading", "fake: retrying: the port went away", "fake: retrying: the port is missing", "fake: reading",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("found", "put", "windows"),
+    [
+        ("", "[alarm]\nwindows = 10\n[detector]\nlevel = 5.0\n", 7),
+        ("id = 2", "id = 3", 0),
+        ("id = 2", "id = 2\nlevers_m = { tip = 0.2 }", 0),
+        ("f_res_hz = 58.0", "f_res_hz = 60.0", 0),
+        ("", "[detector]\nnoise_ms2 = 0.2\n", 0),
+        ('name = "elbow"', 'name = "wrist"', 0),
+    ],
+)
+def test_a_reload_keeps_which_joint_has_the_play(tmp_path: Path, found: str, put: str, windows: int) -> None:
+    """The windows that were weighed stay where joints and accelerometers are the same, whatever else changes."""
+    path = hardware(tmp_path, "/dev/ttyUSB0", "/dev/ttyUSB1")
+    earlier = Robot(config.load(path))
+    earlier.pipeline.attributors[0].origin = Origin({"elbow": 0.99, "shoulder": 0.01}, 7)
+    text = path.read_text()
+    path.write_text(text.replace(found, put) if found else f"{text}\n{put}")
+    following = Robot(config.load(path))
+    following.continue_from(earlier)
+    assert following.pipeline.attributors[0].origin.windows == windows
 
 
 @pytest.mark.parametrize(("rate_hz", "most"), [(200.0, 40), (1000.0, 100), (4000.0, 150)])
