@@ -105,7 +105,8 @@ class AlarmManager:
         joint = next((joint for joint, due in self._trend_due.items() if due <= utc), None)
         if joint is not None:
             self._trend_due[joint] = utc + TREND
-            days = prognosis.days_to_limit(self._reader, joint, utc, self._options.severity_warning)
+            options = self._options
+            days = prognosis.days_to_limit(self._reader, joint, utc, options.severity_warning, options.trend_days)
             self._change(self._monitors[joint].trend(days, utc))
 
     def publish_settled(self, wait_s: float = SETTLE_S) -> None:

@@ -17,7 +17,9 @@ from lostmotion.daemon.store import Store
 START = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def prognosis_days(folder: Path, days: float, per_day: float, count: int = 2000, since: float = math.inf) -> float:
+def prognosis_days(
+    folder: Path, days: float, per_day: float, count: int = 2000, since: float = math.inf, ahead: float = 30.0
+) -> float:
     """Days until level 8 for scores from 2 on that rise by so much a day, with noise; since: the day from which on
     there are severities [mrad] that rise alike, while the scores no longer do."""
     store, noise = Store(folder / "history.db", "arm"), np.random.default_rng(1)
@@ -29,7 +31,7 @@ def prognosis_days(folder: Path, days: float, per_day: float, count: int = 2000,
         store.add(ScoreRow("elbow", START + timedelta(days=day), 0.25, score, 8.0, False, severity=severity))
     store.close()
     with open_readonly(folder / "history.db") as reader:
-        return days_to_limit(reader, "elbow", START + timedelta(days=days), 10e-3)
+        return days_to_limit(reader, "elbow", START + timedelta(days=days), 10e-3, ahead)
 
 
 def test_a_steady_rise_is_drawn_on(tmp_path: Path) -> None:
@@ -55,3 +57,20 @@ def test_severities_count_where_there_are_enough(tmp_path: Path) -> None:
 def test_nothing_is_promised_where_nothing_tells(tmp_path: Path, days: float, per_day: float) -> None:
     """Level, falling, reached only after twice the time that was seen, or seen for less than a week: NaN."""
     assert math.isnan(prognosis_days(tmp_path, days, per_day))
+
+
+@pytest.mark.parametrize(
+    ("days", "per_day", "ahead", "left"),
+    [
+        (300, 0.01, 30.0, math.nan),  # 300 days left, of which half a year of scores promises none
+        (300, 0.0105, 365.0, 271),
+        (300, 0.0105, 1e9, 271),
+        (100, 0.04, 365.0, 50),
+    ],
+)
+def test_who_looks_far_ahead_looks_far_back(
+    tmp_path: Path, days: float, per_day: float, ahead: float, left: float
+) -> None:
+    """A limit that is nine months away is found from ten months of scores where ``trend_days`` is a year or more, and
+    not from half a year of them; few scores are no obstacle."""
+    assert prognosis_days(tmp_path, days, per_day, ahead=ahead) == pytest.approx(left, abs=20, nan_ok=True)
