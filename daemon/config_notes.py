@@ -26,7 +26,9 @@ def notes(config: Config) -> tuple[str, ...]:
         for socket in sockets(config)
         if socket.plain
     ]
-    found += [f"lostmotion web refuses this: {refusal}" for refusal in [page_refusal(config.web)] if refusal]
+    found += [
+        f"lostmotion web refuses this: {refusal}" for refusal in [page_refusal(config.web, config.metrics)] if refusal
+    ]
     return tuple(dict.fromkeys(found))
 
 

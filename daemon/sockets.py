@@ -17,7 +17,7 @@ from lostmotion.drivers.ros2_session import Ros2Network
 
 if TYPE_CHECKING:
     from lostmotion.daemon.config import Config
-    from lostmotion.daemon.options import CanOptions, WebOptions, ZenohOptions
+    from lostmotion.daemon.options import CanOptions, MetricsOptions, WebOptions, ZenohOptions
 
 __all__ = ["LAST_PORT", "Socket", "endpoints", "host_and_port", "is_loopback", "page_refusal", "sockets"]
 
@@ -83,12 +83,25 @@ def host_and_port(address: str) -> tuple[str, int] | None:
     return (parts[1].strip("[]"), int(parts[2])) if parts and int(parts[2]) <= LAST_PORT else None
 
 
-def page_refusal(options: WebOptions) -> str:
-    """Why the page is not served with these options, "" where it is: its address is none, others can reach it and
-    need no password, there is half of what TLS needs, or a path begins with the home of nobody."""
+def _is_one(one: tuple[str, int], other: tuple[str, int] | None) -> bool:
+    """Whether two programs cannot both listen at these addresses; port 0 is any that is free."""
+    if other is None or one[1] != other[1] or not one[1]:
+        return False
+    hosts = {one[0].replace("localhost", "127.0.0.1"), other[0]}
+    return len(hosts) == 1 or "::" in hosts or ("0.0.0.0" in hosts and not any(":" in host for host in hosts))
+
+
+def page_refusal(options: WebOptions, metrics: MetricsOptions | None) -> str:
+    """Why the page is not served with these options, "" where it is: its address is none or that of the metrics, others
+    can reach it and need no password, there is half of what TLS needs, or a path begins with the home of nobody."""
     address = host_and_port(options.listen)
     if address is None:
         return f"web.listen: found {options.listen!r}, expected ADDRESS:PORT such as 127.0.0.1:8737"
+    if metrics and _is_one(address, host_and_port(metrics.listen)):
+        return (
+            f"web.listen: found {options.listen}, where the metrics listen (metrics.listen = {metrics.listen!r}); "
+            "expected another port for one of them"
+        )
     if not (options.password_hash or options.token_file or is_loopback(address[0])):
         return (
             f"web.listen: found {options.listen}, which others can reach, and no password; set web.password_hash "

@@ -61,14 +61,13 @@ def web(
     from lostmotion.web.site import Site
 
     if hash_password:
-        password = click.prompt(
-            "password", hide_input=sys.stdin.isatty(), confirmation_prompt=sys.stdin.isatty(), err=True
-        )
+        password = _password()
         output.print_lines([f'password_hash = "{security.hash_password(password)}"'])
         return
-    options = find_config(config).web
+    found = find_config(config)
+    options = found.web
     options = msgspec.structs.replace(options, listen=listen or options.listen)
-    address, refusal = host_and_port(options.listen), page_refusal(options)
+    address, refusal = host_and_port(options.listen), page_refusal(options, found.metrics)
     if refusal or address is None:
         raise WebError(refusal)
     keys = security.Keys(options.password_hash, _token(options))
@@ -78,6 +77,17 @@ def web(
 
         fleet = Fleet.of(connect, zenoh, config, robots)
     _serve(Site.of(config, database, fleet), options, address, keys)
+
+
+def _password() -> str:
+    """What a person types twice, or the first line of a file or pipe."""
+    if sys.stdin.isatty():
+        typed: str = click.prompt("password", hide_input=True, confirmation_prompt=True, err=True)
+        return typed
+    line = sys.stdin.readline().rstrip("\r\n")
+    if not line:
+        raise WebError("--hash-password: found no password on standard input, expected one line")
+    return line
 
 
 def _token(options: WebOptions) -> str:

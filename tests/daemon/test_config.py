@@ -128,6 +128,11 @@ def test_two_columns_of_one_sensor_differ() -> None:
         ('listen = "[::1]:8737"', ""),
         ('listen = "nowhere"', "web.listen: found 'nowhere', expected ADDRESS:PORT"),
         ('certificate = "a.pem"', "web.certificate and web.key"),
+        ('listen = "127.0.0.1:9464"\n[metrics]', "web.listen: found 127.0.0.1:9464, where the metrics listen"),
+        ('listen = "[::1]:9000"\n[metrics]\nlisten = "[::]:9000"', "web.listen: found [::1]:9000, where the m"),
+        ('listen = "127.0.0.1:0"\n[metrics]\nlisten = "127.0.0.1:9000"', ""),
+        ('listen = "[::1]:9000"\n[metrics]\nlisten = "0.0.0.0:9000"', ""),
+        ('[metrics]\nlisten = "127.0.0.2:8737"', ""),
     ],
 )
 def test_a_page_that_will_not_be_served_is_noted(lines: str, told: str) -> None:

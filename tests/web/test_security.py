@@ -14,8 +14,11 @@ from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
 import pytest
+from argon2 import PasswordHasher
+from click.testing import CliRunner
 from playwright.sync_api import expect
 
+from lostmotion.daemon.cli import cli
 from lostmotion.web.security import Throttle, hash_password
 from tests.conftest import ROOT
 from tests.daemon.cli_world import call, is_one_line
@@ -235,6 +238,17 @@ def test_what_would_be_open_to_the_world_is_refused(
     """One line, status 2."""
     result = call("web", "--config", robot(tmp_path, extra=lines), *arguments)
     assert is_one_line(result, *words), result.output
+
+
+@pytest.mark.parametrize(("typed", "status"), [("", 2), ("\n", 2), ("secret\nmore", 0), ("secret", 0)])
+def test_a_password_comes_from_a_pipe(typed: str, status: int) -> None:
+    """The first line; without one an error of one line."""
+    result = CliRunner().invoke(cli, ["web", "--hash-password"], input=typed)
+    assert result.exit_code == status
+    if status:
+        assert is_one_line(result, "no password on standard input")
+    else:
+        assert PasswordHasher().verify(result.stdout.split('"')[1], "secret")
 
 
 def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
