@@ -19,26 +19,32 @@ from lostmotion.daemon.commands.checks_system import (
     check_versions,
     clock_offset,
 )
-from lostmotion.daemon.commands.where import find_config
+from lostmotion.daemon.commands.where import ETC, config_path, find_config
 
 __all__ = ["doctor"]
+
+BUILT_IN = (
+    f"found neither --config nor {ETC}, so this was the simulated robot that is built in; "
+    "`lostmotion doctor --find` looks for what is plugged in"
+)
 
 
 def doctor(given: Path | None, as_json: bool) -> int:
     """Prints all checks, and the notes on the configuration; 1 when a check is bad.  Raises ConfigError."""
-    config = find_config(given, runs=True)
-    sys.stderr.write(f"measuring for about {PASS_S:g} s ...\n")
+    config, path = find_config(given, runs=True), config_path(given)
+    sys.stderr.write(f"measuring {path or 'the built-in simulated robot'} for about {PASS_S:g} s ...\n")
+    notes = [*config.notes, *([] if path else [BUILT_IN])]
     offset = clock_offset()
     checks = check_devices(config)
     checks += [*check_adapters(config), *check_can(config), *check_clock(offset, config.is_virtual)]
     checks += [*check_disk(config), *check_history(config), *check_learnt(config), *check_versions()]
     bad = [check for check in checks if not check.ok]
     if as_json:
-        document = {"ok": not bad, "checks": [asdict(check) for check in checks], "notes": list(config.notes)}
-        output.print_json(document)
+        of = {"robot": config.robot.name, "config": str(path) if path else None}
+        output.print_json({"ok": not bad, "checks": [asdict(check) for check in checks], "notes": notes} | of)
     else:
         _print(checks, bad)
-        output.print_lines([f"note: {note}" for note in config.notes])
+        output.print_lines([f"note: {note}" for note in notes])
     return int(bool(bad))
 
 

@@ -9,7 +9,7 @@ from lostmotion.daemon.config import Config
 from lostmotion.daemon.reader import Reader, open_readonly
 from lostmotion.drivers.errors import LostmotionError
 
-__all__ = ["UnknownJointError", "find_config", "find_database", "open_joint", "open_reader"]
+__all__ = ["ETC", "UnknownJointError", "config_path", "find_config", "find_database", "open_joint", "open_reader"]
 
 ETC = Path("/etc/lostmotion/lostmotion.toml")
 
@@ -21,9 +21,13 @@ class UnknownJointError(LostmotionError):
 def find_config(given: Path | None, *, runs: bool = False) -> Config:
     """The configuration that was given, else the service's, else the built-in one; runs: whether the robot of that one
     is to run.  Raises ConfigError."""
-    if given or ETC.exists():
-        return configuration.load(given or ETC)
-    return configuration.default(runs=runs)
+    path = config_path(given)
+    return configuration.load(path) if path else configuration.default(runs=runs)
+
+
+def config_path(given: Path | None) -> Path | None:
+    """The file of ``find_config``; None for the built-in one."""
+    return given or (ETC if ETC.exists() else None)
 
 
 def find_database(config: Path | None, database: Path | None) -> Path:

@@ -111,7 +111,20 @@ def test_doctor_says_what_cannot_be_told(arm: Arm) -> None:
     note = "the size of the play cannot be estimated: found 3.4 samples a period of the bar (200 Hz, bar of 58 Hz)"
     found = json.loads(call("doctor", "--config", arm.config, "--json").stdout)
     assert any(note in told for told in found["notes"])
+    assert (found["robot"], found["config"]) == ("arm2", str(arm.config))
     assert f"note: accelerometer 'tip': {note}" in call("doctor", "--config", arm.config).stdout
+
+
+@pytest.mark.slow
+def test_doctor_says_that_it_looks_at_no_hardware(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Without a configuration it is the simulated robot's turn, which a note tells."""
+    monkeypatch.setattr("lostmotion.daemon.commands.where.ETC", tmp_path / "none.toml")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    result = call("doctor", "--json")
+    found = json.loads(result.stdout)
+    assert "measuring the built-in simulated robot" in result.stderr
+    assert found["config"] is None
+    assert "so this was the simulated robot that is built in" in found["notes"][-1]
 
 
 def test_a_ringing_bar_is_no_noise() -> None:
