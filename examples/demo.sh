@@ -5,7 +5,11 @@
 set -eu
 PATH="$(cd "${BIN:-.venv/bin}" && pwd):$PATH"
 if [ -n "${DEMO_DIR:-}" ]; then
-    mkdir "$DEMO_DIR" 2>/dev/null || { echo "DEMO_DIR: expected a folder that can be made and does not exist yet" >&2; exit 2; }
+    if [ -e "$DEMO_DIR" ]; then
+        echo "DEMO_DIR: found $DEMO_DIR, maybe of an earlier run, expected a new folder: remove it, or give another name" >&2
+        exit 2
+    fi
+    mkdir "$DEMO_DIR" 2>/dev/null || { echo "DEMO_DIR: cannot make $DEMO_DIR; expected a new folder in one that exists" >&2; exit 2; }
     folder=$(cd "$DEMO_DIR" && pwd) passing=""
 else
     folder=$(mktemp -d) passing=$folder

@@ -35,3 +35,7 @@ def test_the_demo_keeps_its_files_where_asked(tmp_path: Path) -> None:
     assert str(kept) in done.stdout
     again = demo(tmp_path, DEMO_DIR=str(kept))
     assert (again.returncode, again.stderr.count("\n")) == (2, 1)
+    assert f"found {kept}" in again.stderr
+    nowhere = demo(tmp_path, DEMO_DIR=str(tmp_path / "none" / "kept"))
+    assert (nowhere.returncode, nowhere.stderr.count("\n")) == (2, 1)
+    assert "one that exists" in nowhere.stderr

@@ -19,6 +19,7 @@ __all__ = ["calibrate_bar"]
 FACTORS = {"m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3}, "kg": {"kg": 1.0, "g": 1e-3}}
 SLENDER = 10.0
 """length by thickness; a shorter bar is softer than a cantilever of Euler's and Bernoulli's"""
+NO_TIP = "--tip is not given, so this is the bare bar: with a sensor at its end it rings lower (5 g may halve it)"
 CLAMP = "a real one gives a little, and the bar rings lower: leave length to push in, and measure with calibrate tap"
 
 
@@ -58,14 +59,16 @@ def _parsed(text: str, unit: str) -> float:
 @lengths("--width", "Of a flat bar, as in 10mm.")
 @lengths("--thickness", "Of a flat bar, across which it bends, as in 1mm.")
 @lengths("--diameter", "Of a round rod, instead of width and thickness.")
-@click.option("--tip", default="0g", callback=quantity("kg"), metavar="MASS", help="Sensor, screws and glue, as in 5g.")
+@click.option(
+    "--tip", callback=quantity("kg"), metavar="MASS", help="Sensor, screws and glue, as in 5g.  [default: 0g]"
+)
 @click.option("--frequency", type=float, callback=positive, metavar="HZ", help="The resonance that is wanted [Hz].")
 @lengths("--length", "Of a bar that is there: which resonance has it?")
 @toml_out
 @as_json
 def calibrate_bar(
     material: str,
-    tip: float,
+    tip: float | None,
     frequency: float | None,
     length: float | None,
     target: Path | None,
@@ -76,6 +79,7 @@ def calibrate_bar(
     if (frequency is None) == (length is None):
         raise CalibrationError("found neither or both of --frequency and --length, expected one of them")
     beam, depth = _beam(material, section)
+    warnings, tip = [] if tip is not None else [NO_TIP], tip or 0.0
     if length is None:
         length = length_for(beam, frequency or math.nan, tip)
         if math.isnan(length):
@@ -99,7 +103,7 @@ def calibrate_bar(
     ]
     values = {"f_res_hz": round(first, 1), "zeta": 0.012, "length_m": round(length, 4)}
     lines = lines_of(values, "oscillator of the [[accelerometer]]; calibrate tap measures the first two", "oscillator")
-    report(document, words, [*_warnings(length, depth)], lines, target, as_json)
+    report(document, words, [*warnings, *_warnings(length, depth)], lines, target, as_json)
 
 
 def _beam(material: str, section: Mapping[str, float | None]) -> tuple[Beam, float]:

@@ -45,7 +45,7 @@ def service() -> None:
 
 @service.command(short_help="Write, enable and start the service.")
 @click.option("--web", "page", is_flag=True, help="Install the web page (docs/web.md) as a second service.")
-@click.option("--print", "print_it", is_flag=True, help="Only print the unit.")
+@click.option("--print", "print_it", is_flag=True, help="Only print the unit; with --web, both.")
 @dry_run
 @root
 def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> None:
@@ -54,9 +54,17 @@ def install(page: bool, print_it: bool, dry_run: bool, root: Path | None) -> Non
     Run it again after an upgrade; an existing configuration is kept.
     """
     if print_it:
-        output.print_lines(unit_text(_command(), _version()).splitlines())
+        _print_units([UNIT, PAGE_UNIT] if page else [UNIT])
     else:
         _install(root, page, dry_run)
+
+
+def _print_units(names: list[str]) -> None:
+    """One as it is; several as `systemctl cat` prints them, each after its path."""
+    folder = Layout(Path("/")).unit.parent
+    for name in names:
+        head = [f"# {folder / name}"] if len(names) > 1 else []
+        output.print_lines([*head, *unit_text(_command(), _version(), name).splitlines()])
 
 
 def _install(root: Path | None, page: bool, dry_run: bool) -> None:

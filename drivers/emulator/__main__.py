@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import termios
 import threading
 from pathlib import Path
@@ -63,7 +64,9 @@ def main(
     mastered: bool,
     link: Path | None,
 ) -> None:
-    """Emulates servos and accelerometers on pseudo-terminals: one path a line, then runs until killed.
+    """Emulates servos and accelerometers on pseudo-terminals: one path a line, servos first, then runs until killed.
+
+    A terminal also shows what is there.
 
     All make one motion, each later than the next; the teeth of the last servo strike after the reversals of its goal.
     """
@@ -72,14 +75,16 @@ def main(
     devices: list[Device] = [MasteredLine(line) for line in lines] if mastered else [*lines]
     devices += [_bus(text, motion) for text in canopen]
     devices += [_accelerometer(text, motion) for text in accel]
+    kinds = ["servos" + ", overheard" * mastered] * len(servos) + ["CAN bus, slcan"] * len(canopen)
+    names = zip([*kinds, *["accelerometer"] * len(accel)], [*servos, *canopen, *accel], strict=True)
     if not devices:
         raise click.UsageError("nothing to emulate; give --servos, --canopen or --accel")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the links are taken away
     if baudrate is not None and not hasattr(termios, f"B{baudrate}"):
         raise click.BadParameter(f"--baudrate: {baudrate} is none that Linux has a name for, such as 57600 or 1000000")
     with Emulator(*devices, link=link, baudrate=baudrate) as emulator, contextlib.suppress(KeyboardInterrupt):
-        for path in emulator.paths:
-            click.echo(path)
+        for path, (kind, given) in zip(emulator.paths, names, strict=True):
+            click.echo(f"{path}  {kind} {given}" if sys.stdout.isatty() else path)
         threading.Event().wait()
 
 

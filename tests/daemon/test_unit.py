@@ -99,6 +99,13 @@ def test_print_shows_the_unit() -> None:
     done = lostmotion("service", "install", "--print")
     assert done.stdout.startswith("# Runs lostmotion on a robot.")
     assert f"\nExecStart={Path(sys.executable).parent}/lostmotion run --config" in done.stdout
+    both = lostmotion("service", "install", "--print", "--web").stdout
+    assert re.findall(r"^(?:# /etc/systemd/.*|ExecStart=\S+ \w+)", both, re.MULTILINE) == [
+        "# /etc/systemd/system/lostmotion.service",
+        f"ExecStart={Path(sys.executable).parent}/lostmotion run",
+        "# /etc/systemd/system/lostmotion-web.service",
+        f"ExecStart={Path(sys.executable).parent}/lostmotion web",
+    ]
 
 
 @pytest.mark.skipif(Path("/run/systemd/system").is_dir(), reason="this machine runs systemd")

@@ -134,3 +134,5 @@ def test_a_stubby_bar_is_warned_of() -> None:
     """A bar of 5 mm by 1 mm is no cantilever of Euler's and Bernoulli's."""
     result = call("calibrate", "bar", "--width", "10mm", "--thickness", "1mm", "--length", "5mm")
     assert "5.0 times as long as thick" in result.stderr
+    assert "--tip is not given, so this is the bare bar" in result.stderr
+    assert "--tip" not in call("calibrate", "bar", "--diameter", "3mm", "--length", "90mm", "--tip", "0g").stderr
