@@ -111,7 +111,7 @@ class Service:
         self._flush_at = 0.0  # rows are committed in cycles of CYCLE_S, however short those of the robot are
         self._begin()
         self._notifier.ready()
-        log.info("started: %s, database %s", _monitored(self._config), self._config.database)
+        log.info("started: %s, database %s", _monitored(self._config), self._config.database.absolute())
 
     def main_loop(self, duration_s: float | None) -> None:
         """Steps until there is a reason to stop."""

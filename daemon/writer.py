@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import sqlite3
 import time
@@ -31,6 +32,8 @@ from lostmotion.daemon.rollup import HOUR_US, roll_up
 from lostmotion.daemon.timekeeper import DOUBTFUL, ClockRow, Mend
 
 __all__ = ["Policy", "Row", "Writer"]
+
+log = logging.getLogger(__name__)
 
 NEWEST, LOOKED_AT = 100, 10_000
 """so many scores and transitions of each joint have to make sense at the start; so many scores' pages to be sound: a
@@ -65,7 +68,7 @@ class Writer:
     """
 
     def __init__(self, path: Path, policy: Policy) -> None:
-        self._robot = ""
+        self._path, self._robot = path, ""
         self._newest: dict[int, int] = {}
         self._joints: dict[str, int] = {}
         self._rolled: dict[int, int] = {}
@@ -94,14 +97,21 @@ class Writer:
 
     def commit(self, rows: Sequence[Row], policy: Policy) -> None:
         """Writes rows in one transaction."""
-        kept_bytes = self._kept_bytes
+        kept_bytes, other = self._kept_bytes, ""
         try:
             with self._db:
+                if policy.robot != self._robot:
+                    other = self._named(policy.robot)
                 self._write(rows, policy)
         except (*database.UNREADABLE, MemoryError):
             self._joints, self._kept_bytes = {}, kept_bytes
             raise
         self._robot = policy.robot
+        if other:
+            log.warning(
+                "%s: found the history of robot %s, which %s continues; a robot of its own needs a store.path of its "
+                "own", self._path, other, policy.robot,
+            )  # fmt: skip
 
     def roll_up(self, policy: Policy, seconds: float) -> None:
         """Goes on making old scores fewer, for so long."""
@@ -116,9 +126,13 @@ class Writer:
                         self._rolled[joint] = old_us // HOUR_US
                         break
 
+    def _named(self, robot: str) -> str:
+        """Writes the robot's name; returns that of another one whose history this was, "" for none."""
+        before = self._db.execute("SELECT value FROM meta WHERE key = 'robot'").fetchone()
+        self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [robot])
+        return str(before[0]) if before and before[0] != robot else ""
+
     def _write(self, rows: Sequence[Row], policy: Policy) -> None:
-        if policy.robot != self._robot:
-            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('robot', ?)", [policy.robot])
         scores = [self._score(row) for row in rows if isinstance(row, ScoreRow)]
         if scores:
             self._db.executemany(f"INSERT OR REPLACE INTO score VALUES ({_marks(scores[0])})", scores)

@@ -60,7 +60,9 @@ def _document(config: Config) -> dict[str, Any]:
 
 
 def _print(path: Path, config: Config) -> None:
-    output.print_lines([f"{path}: valid", f"robot {config.robot.name}, database {config.database}", ""])
+    relative = "" if config.database.is_absolute() else " (store.path counts from the working folder)"
+    database = f"{config.database.absolute()}{relative}"
+    output.print_lines([f"{path}: valid", f"robot {config.robot.name}, database {database}", ""])
     joints = [[j.name, j.driver, j.port, f"{j.poll_hz:g}", j.accelerometer] for j in config.joints]
     output.print_table(("joint", "driver", "port", "poll [Hz]", "accelerometer"), joints, ("poll [Hz]",))
     output.print_lines([""])

@@ -532,8 +532,11 @@ def test_two_services_do_not_share_a_database(path: Path) -> None:
         assert reader.scores("elbow") == [FULL]
 
 
-def test_a_new_configuration_renames_the_robot_in_an_open_database(path: Path) -> None:
-    """What SIGHUP may change in the store is taken with the next row; the first name is there at once."""
+def test_a_new_configuration_renames_the_robot_in_an_open_database(
+    path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What SIGHUP may change in the store is taken with the next row; the first name is there at once.  Another name
+    than the one that was there is told once."""
     with closing(Store(path, "arm1")) as store:
         with store.reader() as reader:
             assert reader.robot() == "arm1"
@@ -541,6 +544,16 @@ def test_a_new_configuration_renames_the_robot_in_an_open_database(path: Path) -
         store.add(FULL)
     with open_readonly(path) as reader:
         assert reader.robot() == "arm2"
+    told = (
+        f"{path}: found the history of robot {{}}, which {{}} continues; a robot of its own needs a store.path of its"
+    )
+    told += " own"
+    assert caplog.messages == [told.format("arm1", "arm2")]
+    with closing(Store(path, "arm2")), closing(open_readonly(path)) as reader:
+        assert reader.robot() == "arm2"
+    assert len(caplog.messages) == 1
+    Store(path, "arm3").close()
+    assert caplog.messages[1:] == [told.format("arm2", "arm3")]
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
