@@ -10,10 +10,21 @@ import numpy as np
 
 from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, JointRow, Origin, ScoreRow, Transition, from_micros, iso, micros
+from lostmotion.daemon.records import (
+    AlarmRow,
+    JointRow,
+    Origin,
+    ScoreRow,
+    SinkRow,
+    Transition,
+    from_micros,
+    iso,
+    micros,
+)
 from lostmotion.daemon.rollup import SERIES, Series
 
-__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "learnt", "score", "series", "status", "to_series",
+__all__ = ["SCORE_KEYS", "alarm", "attribution", "history", "joint", "learnt", "score", "series", "sinks",
+           "status", "to_series",
            "transition"]  # fmt: skip
 
 COLUMNS = tuple(name for name in SERIES.names or () if name != "time_us")
@@ -62,9 +73,16 @@ def status(reader: Reader) -> dict[str, Any]:
     joints = [joint(row, reader.last_window(row.name), reader.active_alarms(row.name)) for row in reader.joints()]
     return (
         {"robot": reader.robot(), "joints": joints}
+        | sinks(reader.sinks())
         | attribution(reader.origins())
         | learnt(reader.noises(), reader.flanks())
     )
+
+
+def sinks(rows: list[SinkRow]) -> dict[str, Any]:
+    """Whether each sink reaches what is behind it; nothing without any."""
+    found = [{"name": row.name, "up": row.is_up, "since": iso(row.since), "error": row.error} for row in rows]
+    return {"sinks": found} if found else {}
 
 
 def attribution(origins: list[Origin]) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def _all(store: Store, counts: Mapping[str, Counts]) -> Iterator[Family]:
     readable = 1.0
     try:
         with open_readonly(store.path) as reader:
-            yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader)]
+            yield from [_info(reader), *_joints(reader), _alarms(reader), *_devices(reader), _sinks(reader)]
     except (ReaderError, *DAMAGED):
         readable = 0.0
     yield Family("lostmotion_database_readable", "gauge", "Whether the database can be read").add(readable)
@@ -154,3 +154,12 @@ def _devices(reader: Reader) -> Iterator[Family]:
         for kind in LOSSES:
             losses.add(getattr(device, kind), device.name, kind)
     yield from (reading, samples, losses)
+
+
+def _sinks(reader: Reader) -> Family:
+    """One that does not tell its state has no sample."""
+    family = Family("lostmotion_sink_up", "gauge", "1 while the sink reaches what is behind it", ("sink",))
+    for sink in reader.sinks():
+        if sink.is_up is not None:
+            family.add(sink.is_up, sink.name)
+    return family

@@ -27,6 +27,7 @@ from lostmotion.daemon.records import (
     Origin,
     Request,
     ScoreRow,
+    SinkRow,
     Task,
     Transition,
     Verb,
@@ -161,6 +162,11 @@ class Reader:
         """Where play comes from, for each group of joints that share accelerometers, as the service last wrote it."""
         groups = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'origins'")), "[]")
         return [Origin(probabilities, windows) for probabilities, windows in json.loads(groups)]
+
+    def sinks(self) -> list[SinkRow]:
+        """The sinks and their states, as the service last wrote them."""
+        rows = next((row["value"] for row in self._rows("SELECT value FROM meta WHERE key = 'sinks'")), "[]")
+        return [SinkRow(name, is_up, from_micros(since), error) for name, is_up, since, error in json.loads(rows)]
 
     def noises(self) -> list[NoiseRow]:
         """The noise of each joint's windows, as far as the service has learnt it."""

@@ -32,6 +32,8 @@ __all__ = [
     "Request",
     "ScoreRow",
     "Severity",
+    "SinkRow",
+    "SinkRows",
     "Task",
     "Transition",
     "Verb",
@@ -288,6 +290,24 @@ class DeviceRow:
     broken: int
     silent: int
     overwritten: int
+
+
+@dataclass(frozen=True, slots=True)
+class SinkRow:
+    """A sink: whether it reaches what is behind it, None where it does not tell, and since when; error: why not, or
+    the last reason since the start, "" for none."""
+
+    name: str
+    is_up: bool | None
+    since: datetime
+    error: str
+
+
+@dataclass(frozen=True, slots=True)
+class SinkRows:
+    """All sinks of the configuration."""
+
+    rows: tuple[SinkRow, ...]
 
 
 def _percent(probability: float) -> str:

@@ -26,6 +26,7 @@ from lostmotion.daemon.periods import Periods
 from lostmotion.daemon.records import Answer, JointRow, ScoreRow, WindowRow
 from lostmotion.daemon.robot import Robot
 from lostmotion.daemon.signals import Flags
+from lostmotion.daemon.sink_states import SinkStates
 from lostmotion.daemon.sinks import Sink, SinkContext, registry
 from lostmotion.daemon.sinks.log import LogSink
 from lostmotion.daemon.stamps import Stamps
@@ -169,7 +170,8 @@ class Service:
                 self._robot.continue_from(earlier)
             self._learning = Learning(self._robot, reader.noises(), reader.flanks())
         self._sinks, self._exporter = [], None
-        self._sinks = _sinks(config)
+        opened = _sinks(config)
+        self._sinks, self._sink_states = [LogSink(), *opened.values()], SinkStates(opened)
         self._exporter = _exporter(config, self._store, self._robot)
         if known:
             self._store.look()
@@ -340,6 +342,7 @@ class Service:
                 self._know_history()
             utc = self._utc()
             self._look_at_joints(utc)
+            self._store.add(*self._sink_states.look(utc))
             self._barrier.call(self._alarm_manager.take_requests, utc)
             self._store.add(*(self._barrier.call(self._tasks.take) or ()))
             self._barrier.call(self._alarm_manager.ask_trend, utc)
@@ -389,6 +392,6 @@ def _exporter(config: Config, store: Store, robot: Robot) -> Exporter | None:
     return Exporter(config.metrics.listen, store, robot.pipeline.counts)
 
 
-def _sinks(config: Config) -> list[Sink]:
+def _sinks(config: Config) -> dict[str, Sink]:
     context = SinkContext(config.robot.name, tuple(joint.name for joint in config.joints), config.database)
-    return [LogSink(), *registry.opened(config.sinks, context)]
+    return dict(zip((row.name for row in config.sinks), registry.opened(config.sinks, context), strict=True))

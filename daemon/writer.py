@@ -24,6 +24,7 @@ from lostmotion.daemon.records import (
     JointRow,
     Origins,
     ScoreRow,
+    SinkRows,
     Transition,
     WindowRow,
     micros,
@@ -43,7 +44,18 @@ LOOK = (
     " ORDER BY time_us DESC LIMIT ?)"
 )
 Row = (
-    ScoreRow | WindowRow | Transition | JointRow | DeviceRow | Origins | NoiseRow | FlankRow | Answer | ClockRow | Mend
+    ScoreRow
+    | WindowRow
+    | Transition
+    | JointRow
+    | DeviceRow
+    | SinkRows
+    | Origins
+    | NoiseRow
+    | FlankRow
+    | Answer
+    | ClockRow
+    | Mend
 )
 ALARM = (
     "joint_id, cause, severity, state, raised_us, acknowledged_us, cleared_us, shelved_until_us, told_us, reminders,"
@@ -167,6 +179,9 @@ class Writer:
                 case FlankRow():
                     entry = [f"{FLANK}{row.joint}", msgspec.json.encode(row).decode()]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", entry)
+                case SinkRows():
+                    sinks = [[one.name, one.is_up, micros(one.since), one.error] for one in row.rows]
+                    self._db.execute("INSERT OR REPLACE INTO meta VALUES ('sinks', ?)", [json.dumps(sinks)])
                 case Origins():
                     groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
                     self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
@@ -238,7 +253,15 @@ class Writer:
 def _read_newest(db: sqlite3.Connection) -> None:
     """Reads what a service goes on from; raises one of DAMAGED where a page or a value of it is bad."""
     reader = Reader(db)
-    for read in (reader.devices, reader.requests, reader.alarms, reader.origins, reader.noises, reader.flanks):
+    for read in (
+        reader.devices,
+        reader.requests,
+        reader.alarms,
+        reader.origins,
+        reader.sinks,
+        reader.noises,
+        reader.flanks,
+    ):
         read()
     for joint in reader.joints():
         reader.scores(joint.name, limit=NEWEST)

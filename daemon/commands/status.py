@@ -13,7 +13,7 @@ from lostmotion.daemon.commands.where import find_config, find_database, open_re
 from lostmotion.daemon.database import is_full, is_held
 from lostmotion.daemon.learnt import NoiseRow
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow, from_micros
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, Health, JointRow, ScoreRow, SinkRow, from_micros
 from lostmotion.daemon.timekeeper import STEP_S, ClockRow
 
 __all__ = ["status"]
@@ -86,6 +86,7 @@ def _print(reader: Reader, windows: int) -> None:
         [f"play: {origin}, after {output.counted(origin.windows, 'window')}" for origin in reader.origins()]
     )
     output.print_lines([line for device in reader.devices() if (line := _complaint(device))])
+    output.print_lines([_sink(sink, now) for sink in reader.sinks()])
     output.print_lines([line for row in reader.noises() for line in _learnt(row)])
     output.print_lines([f"{row.joint}: {row}" for row in reader.flanks()])
 
@@ -115,6 +116,16 @@ def _row(status: JointStatus, now: datetime) -> list[str]:
             when,
         ]
     return [escape(joint.name), f"[{colour}]{joint.health.value}[/{colour}]", *numbers, escape(status.why)]
+
+
+def _sink(sink: SinkRow, now: datetime) -> str:
+    """Whether it is up, since when, and why not, or why it was not before."""
+    if sink.is_up is None:
+        return f"sink {sink.name}: its state is unknown"
+    how_long = times.span(abs((now - sink.since).total_seconds()))
+    if not sink.is_up:
+        return f"sink {sink.name}: down for {how_long}: {sink.error}"
+    return f"sink {sink.name}: up for {how_long}" + f"; last error: {sink.error}" * bool(sink.error)
 
 
 def _learnt(row: NoiseRow) -> list[str]:

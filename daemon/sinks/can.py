@@ -63,6 +63,7 @@ class CanSink:
         self._wakeup = Wakeup()
         self._closing = threading.Event()
         self._condition, self._warned = Condition(), Repeats()
+        self.problem = "not open yet"
         self._thread = threading.Thread(target=retry_without_memory, args=(self._run, "CAN"), name="can", daemon=True)
         self._thread.start()
 
@@ -198,6 +199,7 @@ class CanSink:
     def _log_problem(self, problem: str) -> None:
         """Logs when the bus begins to fail and when it works again, not every time: one without another node opens
         and fails every few seconds."""
+        self.problem = problem
         if not self._condition.is_news("fails" if problem else "", time.monotonic()):
             return
         name = f"CAN {self._options.interface} {self._options.channel}"

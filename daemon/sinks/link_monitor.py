@@ -30,6 +30,8 @@ killed or stopped while there was memory each was seen so for 20 ms at most."""
 class LinkMonitor:
     """Looks every two seconds, in a thread of its own, as long as there are endpoints.
 
+    problem: why nothing arrives, "" while there is a link.
+
     broken: is called, once, for a session that has to be closed and opened again, with the time [s, monotonic] at which
     a link was last seen.
     """
@@ -37,6 +39,7 @@ class LinkMonitor:
     def __init__(self, session: zenoh.Session, endpoints: list[str], broken: Callable[[float], None]) -> None:
         self._session, self._where, self._broken = session, ", ".join(endpoints), broken
         self._condition = Condition(reported="")
+        self.problem = f"nobody has answered at {self._where} yet" if endpoints else ""
         self._linked_at, self._without_link = time.monotonic(), 0
         self._closing = threading.Event()
         self._thread = threading.Thread(
@@ -70,6 +73,7 @@ class LinkMonitor:
         return bool(self._session.info.links()), bool(self._session.info.transports())
 
     def _log_change(self, is_linked: bool) -> None:
+        self.problem = "" if is_linked else f"nobody answers at {self._where}"
         if not self._condition.is_news("" if is_linked else "nobody", time.monotonic()):
             return
         if is_linked:

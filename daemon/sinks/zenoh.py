@@ -67,6 +67,7 @@ class ZenohSink:
         self._publishers: dict[str, AdvancedPublisher] = {}
         self._score_publishers: dict[str, zenoh.Publisher] = {}
         self._condition = Condition(reported="")
+        self._problem = ""
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="zenoh", daemon=True)
         self._thread.start()
@@ -75,6 +76,13 @@ class ZenohSink:
     def is_open(self) -> bool:
         """Whether the session is open (which does not mean that anyone listens)."""
         return self._session is not None
+
+    @property
+    def problem(self) -> str:
+        """What keeps it from publishing, "" for nothing."""
+        if self._session is None:
+            return self._problem or "no session yet"
+        return self._problem or (self._link_monitor.problem if self._link_monitor else "")
 
     def score(self, row: ScoreRow) -> None:
         if self._board:
@@ -209,7 +217,7 @@ class ZenohSink:
                 session.close()  # type: ignore[no-untyped-call]
                 return
             self._link_monitor = LinkMonitor(session, endpoints, self._leave)
-            self._session = session
+            self._session, self._problem = session, ""
             self._publish_waiting()
         log.info("zenoh: session open as %s", session.zid())
 
@@ -228,6 +236,7 @@ class ZenohSink:
 
     def _log_problem(self, problem: str) -> None:
         """Logs when publishing begins to fail and when it works again, not every time."""
+        self._problem = problem
         if not self._condition.is_news("fails" if problem else "", time.monotonic()):
             return
         if problem:

@@ -125,7 +125,7 @@ def test_a_broken_package_is_refused_in_one_line(tmp_path: Path, module: str, ex
 
 def test_a_sink_that_cannot_be_opened_ends_the_start_in_one_line(tmp_path: Path) -> None:
     """What the constructor of another package's sink raises is named with its table."""
-    broken = code("python")[0].replace("        self._is_away = False\n", "        raise OSError('no net')\n", 1)
+    broken = code("python")[0].replace('        self.problem = ""\n', "        raise OSError('no net')\n", 1)
     install(tmp_path, broken)
     refused = command(tmp_path, "run", "--duration", "1", "--config")
     assert refused.returncode == 2

@@ -320,13 +320,16 @@ def test_an_adapter_is_unplugged_and_plugged_in_again(tmp_path: Path, caplog: py
         with closing(CanSink(JOINTS, given)) as sink:
             sink.alarm(WARNING)
             wait_until(lambda: adapter.emergencies()[-1:] == [0xFF01])
+            assert sink.problem == ""
             emulator.unplug()
             wait_until(lambda: "trying again" in caplog.text)
+            assert sink.problem
             sink.alarm(FAULT)
             adapter.frames.clear()
             emulator.plug()
             wait_until(lambda: adapter.emergencies()[:3] == [0x0000, 0xFF01, 0xFF03])
             wait_until(lambda: (0x721, b"\x05") in adapter.frames)
+            wait_until(lambda: not sink.problem)
 
 
 def test_an_adapter_that_takes_nothing_holds_nobody_up() -> None:

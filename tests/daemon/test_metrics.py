@@ -25,7 +25,7 @@ from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.metrics import Exporter
 from lostmotion.daemon.metrics_http import MOST_CONNECTIONS
 from lostmotion.daemon.monitored_joint import Counts
-from lostmotion.daemon.records import DeviceRow, Health, JointRow, ScoreRow
+from lostmotion.daemon.records import DeviceRow, Health, JointRow, ScoreRow, SinkRow, SinkRows
 from lostmotion.daemon.store import Store
 from tests.conftest import ROOT
 from tests.daemon.conftest import Running, wait_until
@@ -61,6 +61,9 @@ def test_numbers_are_those_of_the_database(tmp_path: Path) -> None:
         JointRow("elbow", Health.WARNING),
     )
     store.add(ScoreRow("wrist", NOON, 0.25, 2.5, 8.0, False), DeviceRow("tip", NOON, "reading", "", 200, 3, 0, 0, 0, 0))
+    store.add(
+        SinkRows((SinkRow("zenoh", True, NOON, ""), SinkRow("can", False, NOON, "?"), SinkRow("x", None, NOON, "")))
+    )
     counts = Counts(triggered=9, scored=7)
     counts.lost["gap"] = 2
     exporter = Exporter(f"127.0.0.1:{port}", store, {"elbow": counts})
@@ -81,6 +84,8 @@ def test_numbers_are_those_of_the_database(tmp_path: Path) -> None:
     assert value(found["lostmotion_windows_lost"], joint="elbow", reason="gap") == 2
     assert value(found["lostmotion_device_samples"], device="tip") == 200
     assert value(found["lostmotion_device_losses"], device="tip", kind="lost") == 3
+    sinks = {sample.labels["sink"]: sample.value for sample in found["lostmotion_sink_up"].samples}
+    assert sinks == {"zenoh": 1, "can": 0}
     assert value(found["lostmotion_database_readable"]) == 1
     exporter.close()
     store.close()

@@ -99,11 +99,14 @@ def test_a_router_that_dies_and_comes_back_is_told_once(
         wait_until(lambda: sink.is_open)
         time.sleep(0.3)
         assert not told()
+        assert sink.problem == ""
         router.kill()
         wait_until(told)
+        assert sink.problem == f"nobody answers at {endpoint}"
         time.sleep(0.3)
         router.start()
         wait_until(lambda: len(told()) >= 2)
+        assert sink.problem == ""
     assert told() == [
         f"zenoh: nobody answers at {endpoint}; connecting is tried again, alarms are sent then",
         f"zenoh: {endpoint} answers",
