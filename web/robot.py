@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from lostmotion.daemon import requests
+from lostmotion.daemon import documents, requests
 from lostmotion.daemon.reader import Reader
 from lostmotion.daemon.records import Answer, Cause, Verb
 from lostmotion.daemon.records import Request as AlarmRequest
@@ -47,10 +47,11 @@ def _sparks(site: Site, reader: Reader, found: Cards) -> dict[str, Spark]:
 
 
 def status(request: Request) -> Response:
-    """The same as JSON."""
+    """The same as JSON, and in SI units what ``lostmotion status --json`` prints."""
     site = site_of(request)
     with site.reader() as reader:
-        return json(cards(site, reader))
+        shown: dict[str, object] = msgspec.to_builtins(cards(site, reader))
+        return json(shown | {"status": documents.status(reader)})
 
 
 async def events(request: Request) -> Response:

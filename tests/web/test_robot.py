@@ -14,9 +14,10 @@ from playwright.sync_api import expect
 
 from lostmotion.daemon.lifecycle import raised
 from lostmotion.daemon.reader import open_readonly
-from lostmotion.daemon.records import AlarmState, Cause, Health, JointRow, ScoreRow, Severity
+from lostmotion.daemon.records import AlarmState, Cause, Health, JointRow, ScoreRow, Severity, iso
 from lostmotion.daemon.store import Store
 from tests.daemon import zenoh_world
+from tests.daemon.cli_world import call
 from tests.daemon.conftest import Running, free_endpoint, start, wait_until
 from tests.daemon.fakes import fake_config
 from tests.web.conftest import Open, Serve, overflow, violations
@@ -41,6 +42,21 @@ def test_ten_pages_of_a_browser_hear_the_news(tmp_path: Path, serve: Serve, look
     store.close()
     for page in pages[:3] + pages[4:]:
         expect(page.locator('[data-joint="elbow"].card [data-field="score"]')).to_have_text(re.compile(r"77\.2"))
+
+
+def test_programs_get_numbers(tmp_path: Path, serve: Serve) -> None:
+    """Beside the texts of the page is the document of the command line: SI units, times in ISO 8601."""
+    last = fill(tmp_path / "history.db", count=40)
+    site = serve("--config", robot(tmp_path))
+    status, _, body = site.ask("GET", "/api/status")
+    found = json.loads(body)
+    assert status == 200
+    assert found["joints"][0]["severity"].endswith("µm)")
+    (elbow,) = found["status"]["joints"]
+    assert elbow["last_window"] == iso(last)
+    assert float(found["joints"][0]["severity"].split("'")[0]) == pytest.approx(elbow["severity"] * 3437.75, abs=0.06)
+    printed = json.loads(call("status", "--database", tmp_path / "history.db", "--json").stdout)
+    assert found["status"] == printed
 
 
 @pytest.mark.slow
