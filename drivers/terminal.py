@@ -1,13 +1,18 @@
-"""What a terminal may be sent: texts of others without control characters, colours where it has them, and a sign of
-life while a command computes."""
+"""What a terminal may be sent: texts of others without control characters, colours where it has them, tables that fit,
+and a sign of life while a command computes."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-__all__ = ["has_colours", "printable", "waiting"]
+__all__ = ["column_widths", "has_colours", "printable", "records", "waiting"]
+
+NARROW = 120
+"""Columns of a terminal below which a table that does not fit has narrower gaps."""
+LONGEST_WORD = 16
+"""What is longer, such as a formula or a path, may be broken, but not in the first column, which names the row."""
 
 
 @contextmanager
@@ -39,3 +44,39 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
+
+def column_widths(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], available: int
+) -> tuple[list[int], int] | None:
+    """Widths of the columns of a table, and of the gap between them: 3, or 1 on a terminal that is too narrow for that.
+    The widest column that can be wrapped between words is narrowed first; None where a word would have to be broken."""
+    from rich.cells import cell_len
+
+    cells = list(zip(columns, *rows, strict=True))
+    widths = [max(map(cell_len, column)) for column in cells]
+    words = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in cells]
+    words[1:] = [min(word, LONGEST_WORD) for word in words[1:]]
+    gap = 3 if available >= min(NARROW, sum(widths) + 3 * (len(columns) - 1)) else 1
+    while sum(widths) + gap * (len(columns) - 1) > available:
+        widest = max(range(len(columns)), key=lambda i: (widths[i] > words[i], widths[i]))
+        if widths[widest] <= words[widest]:
+            return None
+        widths[widest] -= 1
+    return widths, gap
+
+
+def records(columns: Sequence[str], rows: Iterable[Sequence[str]], available: int) -> list[str]:
+    """A table as lines of a name and a value, a row after the other, for terminals in which it does not fit; nothing
+    for an empty cell."""
+    from textwrap import wrap
+
+    indent = max(map(len, columns)) + 2
+    lines: list[str] = []
+    for row in rows:
+        lines += [""] * bool(lines)
+        for name, value in zip(columns, row, strict=True):
+            pieces = wrap(value, max(available - indent, 10), break_on_hyphens=False)
+            names = [name, *[""] * (len(pieces) - 1)]
+            lines += [f"{name:<{indent}}{piece}" for name, piece in zip(names, pieces, strict=False)]
+    return lines

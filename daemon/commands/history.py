@@ -59,7 +59,7 @@ def _cell(value: Any) -> Any:
 def _print_table(batches: Iterator[list[ScoreRow]], largest: float, nothing: str) -> None:
     columns = ("time (UTC)", "score", "", "level", "impact", "play", "severity", "quality")
     rows = ([_row(score, largest) for score in scores] for scores in batches)
-    if not output.print_long_table(columns, rows, right=("score", "level", "play", "severity")):
+    if not output.print_long_table(columns, rows, right=("score", "level", "play", "severity"), spare=("",)):
         output.print_lines([nothing])
 
 

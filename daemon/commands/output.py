@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from lostmotion.drivers.errors import LostmotionError, unwritable
-from lostmotion.drivers.terminal import printable
+from lostmotion.drivers.terminal import column_widths, printable, records
 from lostmotion.drivers.units import ARC_MINUTES
 
 __all__ = [
@@ -37,8 +37,6 @@ __all__ = [
 
 MOST_IN_COLOUR = 500
 """Rows of a table that a person looks at; more are for paging and searching."""
-NARROW = 120
-"""Columns of a terminal below which a table that does not fit has narrower gaps."""
 Row = Sequence[str]
 
 
@@ -101,9 +99,12 @@ def print_markup(*lines: str) -> None:
     _print(*map(printable, lines))
 
 
-def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str] = ()) -> None:
-    """A table in the one style of all commands; ``right`` names the columns of numbers.  Cells may hold rich markup.
-    A terminal wraps long cells; in a file or a pipe a row is one line."""
+def print_table(
+    columns: Sequence[str], rows: Sequence[Row], right: Sequence[str] = (), spare: Sequence[str] = ()
+) -> None:
+    """A table in the one style of all commands; ``right`` names the columns of numbers, ``spare`` those that a narrow
+    terminal does without.  Cells may hold rich markup.  A terminal wraps long cells between words; where that is not
+    enough, each row is some lines of a name and a value.  In a file or a pipe a row is one line."""
     if len(rows) > MOST_IN_COLOUR or not sys.stdout.isatty():
         _print_plain(columns, [rows], right)
         return
@@ -111,8 +112,19 @@ def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    widths, gap = _column_widths(columns, rows, Console().width)
+    plain = [[Text.from_markup(cell).plain for cell in row] for row in rows]
+    available = Console().width
+    fit = column_widths(columns, plain, available)
+    if fit is None and spare:
+        kept = [index for index, name in enumerate(columns) if name not in spare]
+        print_table([columns[i] for i in kept], [[row[i] for i in kept] for row in rows], right)
+        return
+    if fit is None:
+        print_lines(records(columns, plain, available))
+        return
+    widths, gap = fit
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, gap // 2))
     for name, width in zip(columns, widths, strict=True):
         table.add_column(name, justify="right" if name in right else "left", overflow="fold", width=width)
@@ -121,30 +133,15 @@ def print_table(columns: Sequence[str], rows: Sequence[Row], right: Sequence[str
     _print(table)
 
 
-def _column_widths(columns: Sequence[str], rows: Sequence[Row], available: int) -> tuple[list[int], int]:
-    """Widths of the columns, and of the gap between them: 3, or 1 on a terminal that is too narrow for that.
-    The widest column that can be wrapped between words is narrowed first; a word is broken only when no such column is
-    left."""
-    from rich.cells import cell_len
-    from rich.text import Text
-
-    cells = [[Text.from_markup(cell).plain for cell in column] for column in zip(columns, *rows, strict=True)]
-    widths = [max(map(cell_len, column)) for column in cells]
-    words = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in cells]
-    gap = 3 if available >= min(NARROW, sum(widths) + 3 * (len(columns) - 1)) else 1
-    while sum(widths) + gap * (len(columns) - 1) > available and max(widths) > 1:
-        widest = max(range(len(columns)), key=lambda i: (widths[i] > words[i], widths[i]))
-        widths[widest] -= 1
-    return widths, gap
-
-
-def print_long_table(columns: Sequence[str], batches: Iterator[Sequence[Row]], right: Sequence[str] = ()) -> bool:
+def print_long_table(
+    columns: Sequence[str], batches: Iterator[Sequence[Row]], right: Sequence[str] = (), spare: Sequence[str] = ()
+) -> bool:
     """The same of rows that come in batches, of which two are in memory at a time; False when there are none."""
     first, second = next(batches, ()), next(batches, ())
     if second:
         _print_plain(columns, chain([first, second], batches), right)
     elif first:
-        print_table(columns, first, right)
+        print_table(columns, first, right, spare)
     return bool(first)
 
 

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
+import os
+import pty
+import re
+import struct
 import subprocess
 import sys
+import termios
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -70,6 +77,22 @@ accelerometer = "tip"
 def call(*arguments: str | Path) -> Result:
     """The command line in this process."""
     return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+def in_terminal(width: int, *arguments: str | Path) -> str:
+    """What the program shows in a terminal of so many columns, without colours."""
+    master, slave = pty.openpty()
+    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, width, 0, 0))
+    process = subprocess.Popen([*PROGRAM, *map(str, arguments)], stdout=slave, env=environment | {"TERM": "xterm"})
+    os.close(slave)
+    text = b""
+    with suppress(OSError):  # the end of a pseudo-terminal
+        while piece := os.read(master, 65536):
+            text += piece
+    os.close(master)
+    assert process.wait(60) == 0
+    return re.sub(r"\x1b\[[0-9;]*m|\r", "", text.decode())
 
 
 def start(*arguments: str | Path, folder: Path) -> subprocess.Popen[str]:

@@ -15,7 +15,8 @@ import pytest
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.reader import Bounds, open_readonly
 from lostmotion.daemon.records import from_micros
-from tests.daemon.cli_world import START, fill
+from lostmotion.drivers.terminal import column_widths, records
+from tests.daemon.cli_world import START, fill, in_terminal
 
 MEASURED = """
 import re, sys
@@ -125,8 +126,36 @@ def test_a_row_is_one_line_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_narrow_terminal_wraps_between_words() -> None:
-    """In 160 columns nothing is wrapped; in 30 the gaps close and the time wraps at its blank; in 12 words break."""
+    """In 160 columns nothing is wrapped; in 30 the gaps close and the time wraps at its blank; in 12 words would
+    break."""
     columns, row = ("joint", "raised", "reason"), ["elbow", "2026-11-25 19:32:54", "half of the windows above"]
-    assert output._column_widths(columns, [row], 160) == ([5, 19, 25], 3)
-    assert output._column_widths(columns, [row], 30) == ([5, 11, 12], 1)
-    assert output._column_widths(columns, [row], 12) == ([3, 3, 4], 1)
+    assert column_widths(columns, [row], 160) == ([5, 19, 25], 3)
+    assert column_widths(columns, [row], 30) == ([5, 11, 12], 1)
+    assert column_widths(columns, [row], 12) is None
+
+
+def test_a_table_that_does_not_fit_is_lines_of_name_and_value() -> None:
+    """Names in one column, values wrapped between words beside them; an empty cell has no line."""
+    columns, rows = ("joint", "raised", "reason"), [["elbow", "now", "half of the windows above"], ["wrist", "", "-"]]
+    assert records(columns, rows, 24) == [
+        "joint   elbow",
+        "raised  now",
+        "reason  half of the",
+        "        windows above",
+        "",
+        "joint   wrist",
+        "reason  -",
+    ]
+
+
+@pytest.mark.parametrize(("width", "first"), [(100, "time (UTC)"), (56, "time"), (40, "time (UTC)  2026")])
+def test_history_fits_its_terminal(tmp_path: Path, width: int, first: str) -> None:
+    """With its bar, without it, and a line for each value; no line is longer than the terminal, no word broken."""
+    path = tmp_path / "history.db"
+    fill(path, count=3)
+    told = in_terminal(width, "history", "elbow", "--database", path)
+    lines = told.splitlines()
+    assert lines[0].startswith(first)
+    assert ("█" in told) == (width == 100)
+    assert max(map(len, lines)) <= width
+    assert {"4.00", "severity", "impact", "quality"} <= set(told.split())
