@@ -18,6 +18,7 @@ from lostmotion.daemon.commands.completion import accelerometers, joints
 from lostmotion.daemon.commands.guard import LateCommand, RootGroup
 from lostmotion.daemon.commands.options import (
     FILE,
+    READABLE,
     as_json,
     column,
     config_file,
@@ -26,6 +27,7 @@ from lostmotion.daemon.commands.options import (
     duration,
     joint,
     positive,
+    refuse_two_documents,
     resonance,
     since,
     statistic,
@@ -117,7 +119,12 @@ def status(config: Path | None, database: Path | None, fail: bool, as_json: bool
 @until
 @click.option("--limit", type=click.IntRange(1, 10**9), metavar="N", help="The newest N of them.")
 @click.option("--csv", "as_csv", is_flag=True, help="CSV on stdout.")
-@click.option("--parquet", type=FILE, metavar="FILE", help="Write an Apache Parquet file (needs lostmotion[parquet]).")
+@click.option(
+    "--parquet",
+    type=FILE,
+    metavar="FILE",
+    help="Write an Apache Parquet file (needs lostmotion[parquet]); - is stdout.",
+)
 @as_json
 def history(
     joint: str,
@@ -169,7 +176,7 @@ def trend(
 @cli.command()
 @click.option("--config", type=FILE, metavar="FILE", required=True, help="Configuration (TOML).")
 @click.option("--duration", type=float, callback=positive, metavar="S", required=True, help="Seconds to record.")
-@click.option("-o", "--output", type=FILE, metavar="REC", required=True, help="Recording to write (CSV).")
+@click.option("-o", "--output", type=FILE, metavar="REC", required=True, help="Recording to write (CSV); - is stdout.")
 @click.option("--joint", metavar="NAME", help="Which joint; required when there are several.", shell_complete=joints)
 @click.option(
     "--accelerometer", metavar="NAME", help="This one alone, as for calibrate tap.", shell_complete=accelerometers
@@ -186,11 +193,12 @@ def record(
 
     if joint is not None and accelerometer is not None:
         raise click.UsageError("found --joint and --accelerometer, expected one of them")
+    refuse_two_documents(output, as_json)
     record(config, duration, output, joint, accelerometer, as_json)
 
 
 @cli.command()
-@click.argument("recording", type=FILE)
+@click.argument("recording", type=READABLE)
 @config_file
 @click.option("--joint", metavar="NAME", help="Its settings count; its name is shown.", shell_complete=joints)
 @column
@@ -200,7 +208,7 @@ def record(
 @statistic
 @as_json
 def score(recording: Path, config: Path | None, joint: str | None, as_json: bool, **given: Any) -> None:
-    """Score a recording, window by window.
+    """Score a recording, window by window; - is stdin.
 
     Settings: the options here, else --config, else the recording's head, else the defaults.
     """

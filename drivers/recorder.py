@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 from lostmotion.drivers.base import AccelBlock, FloatArray, ServoSample
 from lostmotion.drivers.codec.recording_csv import cells, head_text
 from lostmotion.drivers.errors import RecordingError, unwritable
+from lostmotion.drivers.pipes import STANDARD
 from lostmotion.drivers.recording import merge
 
 __all__ = ["Recorder"]
@@ -27,7 +29,8 @@ Samples = tuple[FloatArray, dict[str, FloatArray]]
 
 
 class Recorder:
-    """One joint and its accelerometer, written to a recording row by row in time order.
+    """One joint and its accelerometer, written to a recording, or for ``-`` to standard output, row by row in time
+    order.
 
     Rows are handed to the system as soon as their order is certain, at most HOLD_S late, so that a killed recorder
     leaves a readable file. When one cannot be written, all before it stay and the file is closed; a file without
@@ -46,9 +49,11 @@ class Recorder:
         self._newest = dict.fromkeys(self._pending, -np.inf)
         self._written_until = -np.inf
         self._size = 0
+        self._is_shared = self._path == STANDARD  # standard output: what others have written there stays
         try:
-            self._file = open(self._path, "wb", buffering=0, opener=_keeping)  # noqa: SIM115
-            is_kept = os.fstat(self._file.fileno()).st_size > 0
+            place = os.dup(sys.stdout.fileno()) if self._is_shared else self._path
+            self._file = open(place, "wb", buffering=0, opener=None if self._is_shared else _keeping)  # noqa: SIM115
+            is_kept = not self._is_shared and os.fstat(self._file.fileno()).st_size > 0
         except OSError as error:
             raise RecordingError(unwritable(self._path, error)) from error
         self._head = head_text(metadata) + ",".join(("time", *COLUMNS)) + "\n"
@@ -113,8 +118,7 @@ class Recorder:
 
     def _begin(self) -> None:
         """Writes the head, in place of what an earlier file held."""
-        with suppress(OSError):  # a pipe cannot be cut
-            self._file.truncate(0)
+        self._cut(0)
         head, self._head = self._head, ""
         self._write(head)
 
@@ -126,11 +130,15 @@ class Recorder:
             while rest:
                 rest = rest[self._file.write(rest) :]
         except OSError as error:
-            with suppress(OSError):  # a pipe cannot be cut
-                self._file.truncate(self._size)
+            self._cut(self._size)
             self._close()
             raise RecordingError(unwritable(self._path, error)) from error
         self._size = size
+
+    def _cut(self, size: int) -> None:
+        with suppress(OSError):  # a pipe cannot be cut
+            if not self._is_shared:
+                self._file.truncate(size)
 
     def _close(self) -> None:
         try:

@@ -26,6 +26,7 @@ from lostmotion.drivers.errors import RecordingError, unreadable, unwritable
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.drivers.pacing import as_utc
+from lostmotion.drivers.pipes import STANDARD, to_output
 from lostmotion.drivers.ticks import evened
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
@@ -271,7 +272,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[TextIO]:
-    """A text file that takes the place of ``path`` when the block ends without an error; else nothing changes.
+    """A text file that takes the place of ``path``, for ``-`` that goes to standard output, when the block ends without
+    an error; else nothing changes.
 
     Raises RecordingError when it cannot be written.
     """
@@ -282,8 +284,12 @@ def replacing(path: str | Path) -> Iterator[TextIO]:
 @contextmanager
 def replaced(path: str | Path) -> Iterator[Path]:
     """The same for what writes a file by its path."""
-    path = Path(path).resolve()
-    is_device = path.exists() and not path.is_file()  # /dev/stdout, a pipe: nothing there to replace
+    if Path(path) == STANDARD:
+        with to_output() as target:
+            yield target
+        return
+    is_device = Path(path).exists() and not Path(path).is_file()  # /dev/stdout, a pipe: nothing there to replace
+    path = Path(path) if is_device else Path(path).resolve()
     target = path if is_device else path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         try:

@@ -25,7 +25,8 @@ POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
 
 @click.command()
 @click.argument("model")
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="REC", help="File to write.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="REC",
+              help="File to write; - is stdout.")  # fmt: skip
 @click.option("--motion", metavar="TEXT", help="hand-waved:7 (seed), sine:6,0.02 (Hz, rad), chirp:…, step:…, or free.")
 @click.option("--duration", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="Length [s].")
 @click.option("--rate-hz", type=POSITIVE, default=1000.0, show_default=True, metavar="R", help="Rows a second.")
@@ -43,6 +44,8 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
     from lostmotion.lab.models import modelfile
     from lostmotion.lab.models.simulate import Simulation
 
+    if as_json and str(output) == "-":
+        raise click.UsageError("found --json and -o -, expected one of them: both write to standard output")
     simulation = Simulation(modelfile.load(model), **options)
     recording = simulation.recording(list(_progress(simulation)))
     write_recording(recording, output)

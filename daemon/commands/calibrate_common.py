@@ -11,13 +11,13 @@ import click
 
 from lostmotion.daemon.commands import output
 from lostmotion.daemon.commands.completion import joints
-from lostmotion.daemon.commands.options import FILE, combined, config_file, damping, resonance
+from lostmotion.daemon.commands.options import FILE, READABLE, combined, config_file, damping, resonance
 from lostmotion.drivers.errors import LostmotionError
 from lostmotion.drivers.toml_text import toml_value
 
 __all__ = ["CalibrationError", "about_settings", "lines_of", "recordings", "report", "toml_out"]
 
-recordings = click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC...")
+recordings = click.argument("recordings", type=READABLE, nargs=-1, required=True, metavar="REC...")
 about_settings = combined(
     click.option("--worn", type=FILE, multiple=True, metavar="REC", help="Of a joint with play; again for more."),
     config_file,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lostmotion.daemon.commands.options import FILE, as_json
+from lostmotion.daemon.commands.options import FILE, READABLE, as_json, refuse_two_documents
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["ExportError", "export"]
@@ -17,20 +17,22 @@ class ExportError(LostmotionError):
 
 
 @click.command(short_help="Convert a recording for Foxglove, PlotJuggler, ROS 2 or Rerun.")
-@click.argument("recording", type=FILE, metavar="REC")
+@click.argument("recording", type=READABLE, metavar="REC")
 @click.option("-o", "--output", type=FILE, required=True, metavar="FILE",
-              help="File to write: .mcap, or .rrd for Rerun.")  # fmt: skip
+              help="File to write: .mcap, or .rrd for Rerun; - is MCAP on stdout.")  # fmt: skip
 @click.option("--joint", metavar="NAME", help="Name of the joint there.  [default: that in REC, else joint]")
 @as_json
 def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> None:
     """Write REC for other programs: MCAP with messages of ROS 2 (Foxglove, PlotJuggler, ros2 bag), or Rerun.
 
-    An existing FILE is replaced, once all is written.
+    REC - is stdin.  An existing FILE is replaced, once all is written.
     """
     from lostmotion.daemon.commands.output import print_json
+    from lostmotion.drivers.pipes import STANDARD
     from lostmotion.drivers.recording import read_recording, replaced
 
-    suffix = output.suffix.lower()
+    refuse_two_documents(output, as_json)
+    suffix = ".mcap" if output == STANDARD else output.suffix.lower()
     if suffix not in (".mcap", ".rrd"):
         raise ExportError(f"{output}: found the ending {suffix!r}, expected .mcap, or .rrd for Rerun")
     read = read_recording(recording)

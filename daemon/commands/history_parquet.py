@@ -5,6 +5,7 @@ Needs pyarrow, which comes with ``lostmotion[parquet]`` and is imported only her
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.migrations import ADDED
 from lostmotion.daemon.reader import Bounds, Reader
 from lostmotion.drivers.formats.needed import needed
+from lostmotion.drivers.pipes import STANDARD, to_output
 
 if TYPE_CHECKING:
     from pyarrow import Schema
@@ -30,7 +32,8 @@ def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
     """
     pa, parquet = needed("pyarrow", "--parquet"), needed("pyarrow.parquet", "--parquet")
     schema, count = _schema(reader.robot(), joint), 0
-    with output.writing(path), parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+    place = to_output() if path == STANDARD else nullcontext(path)
+    with output.writing(path), place as file, parquet.ParquetWriter(file, schema, compression="zstd") as writer:
         for rows in reader.batches(joint, bounds, ROW_GROUP):
             time_us, duration_us, score, level, impact, *others = zip(*rows, strict=True)
             numbers = dict(zip((*NUMBERS, "quality", *ADDED), others, strict=True))
@@ -44,7 +47,8 @@ def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
             columns["quality"] = [value or "ok" for value in numbers["quality"]]
             writer.write_table(pa.table({name: columns[name] for name in schema.names}, schema=schema))
             count += len(rows)
-    output.print_lines([f"{path}: {output.counted(count, 'score')} of {joint}"])
+    if path != STANDARD:
+        output.print_lines([f"{path}: {output.counted(count, 'score')} of {joint}"])
 
 
 def _schema(robot: str, joint: str) -> Schema:

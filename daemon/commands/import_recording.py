@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lostmotion.daemon.commands.options import FILE, as_json
+from lostmotion.daemon.commands.options import FILE, READABLE, as_json, refuse_two_documents
 
 if TYPE_CHECKING:
     from lostmotion.drivers.formats.read import Imported
@@ -22,8 +22,8 @@ SHOWN = 60
 
 
 @click.command("import", short_help="Convert another program's file to a recording.")
-@click.argument("file", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="REC", help="Recording to write (CSV).")
+@click.argument("file", type=READABLE)
+@click.option("-o", "--output", type=FILE, metavar="REC", help="Recording to write (CSV); - is stdout.")
 @click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
               help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip
 @click.option("--joint", default="", metavar="NAME", help="Which joint, where the file has several.")
@@ -36,7 +36,7 @@ def import_recording(
     episode: int | None, rate_hz: float | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Make a recording out of FILE: MCAP, rosbag2, a LeRobot dataset, PlotJuggler's or another CSV, a workbook, MAT,
-    NumPy, JSON, Parquet.
+    NumPy, JSON, Parquet; - is stdin.
 
     Columns are assigned to series by names and units, and the assignment is printed on stderr; --map sets it.  Without
     -o nothing is written: the series of FILE and the assignment are listed.  Options may stand behind a # in FILE, too.
@@ -44,6 +44,7 @@ def import_recording(
     from lostmotion.drivers.formats.choice import parse_map, split_address
     from lostmotion.drivers.formats.source import Choice
 
+    refuse_two_documents(output, as_json)
     file, own = split_address(file)
     choice = Choice(
         {**own.terms, **parse_map(terms)}, joint or own.joint, topics or own.topics,

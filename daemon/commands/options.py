@@ -16,6 +16,7 @@ from lostmotion.drivers.units import to_si
 
 __all__ = [
     "FILE",
+    "READABLE",
     "as_json",
     "column",
     "combined",
@@ -26,6 +27,7 @@ __all__ = [
     "joint",
     "moment",
     "positive",
+    "refuse_two_documents",
     "resonance",
     "since",
     "statistic",
@@ -84,6 +86,26 @@ class _Limit(click.ParamType[float]):
 
 
 FILE = click.Path(path_type=Path)
+
+
+class _Readable(click.Path):
+    """A file to read; ``-`` is standard input."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        from lostmotion.drivers.pipes import from_input
+
+        return from_input(Path(value))
+
+
+READABLE = _Readable(path_type=Path)
+
+
+def refuse_two_documents(output: Path | None, as_json: bool) -> None:
+    """Raises UsageError where a file and a JSON document are both to go to standard output."""
+    if as_json and output is not None and str(output) == "-":
+        raise click.UsageError("found --json and -o -, expected one of them: both write to standard output")
+
+
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")
 config_file = click.option("--config", type=FILE, metavar="FILE", help="Configuration (TOML).")
 database = click.option(

@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from lostmotion.drivers.errors import LostmotionError, unwritable
+from lostmotion.drivers.pipes import STANDARD
 from lostmotion.drivers.terminal import column_widths, printable, records
 from lostmotion.drivers.units import ARC_MINUTES
 
@@ -61,6 +62,8 @@ def refuse_existing(path: Path, advice: str = "take another name, or move this o
 
 def write_new(path: Path, text: str, *advice: str) -> None:
     """A file that must not exist yet; advice: as for ``refuse_existing``.  Raises OutputError."""
+    if path == STANDARD:
+        raise OutputError("-o: found -, expected the name of a file: what it gets is printed in any case")
     refuse_existing(path, *advice)
     with writing(path), path.open("x", encoding="utf-8") as file:
         file.write(text)

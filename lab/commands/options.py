@@ -35,9 +35,19 @@ DURATION = _Duration()
 """Converts to seconds."""
 
 model_argument = click.argument("model")
+
+
+def _no_pipe(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
+    """Standard output has the words, or the JSON document."""
+    if str(value) == "-":
+        raise click.BadParameter("found -, expected the name of a file", ctx, param)
+    return value
+
+
 output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="Model file to write."
-)
+    "-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="Model file to write.",
+    callback=_no_pipe,
+)  # fmt: skip
 executor_option = click.option(
     "--executor", metavar="SPEC", help="Where to compute: threads:N, processes:N or dask=HOST:PORT.  [default: threads]"
 )

@@ -30,9 +30,10 @@ class Files:
 
     def read(self) -> list[Recording]:
         """Raises RecordingError."""
+        from lostmotion.drivers.pipes import from_input
         from lostmotion.drivers.recording import read_recordings
 
-        return read_recordings(self.paths, self.joint, self.terms)
+        return read_recordings([from_input(path) for path in self.paths], self.joint, self.terms)
 
 
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
