@@ -167,24 +167,27 @@ class Writer:
                     values = [row.name, micros(row.time), row.state, row.reason, row.samples, row.lost, row.late]
                     values += [row.broken, row.silent, row.overwritten]
                     self._db.execute("INSERT OR REPLACE INTO device VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", values)
-                case ClockRow():
-                    self._bound_us = row.bound_us
-                    values = [json.dumps([row.known_us, row.bound_us])]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES ('clock', ?)", values)
                 case Mend():
                     self._mend(row)
-                case NoiseRow():
-                    entry = [f"{NOISE}{row.joint}", msgspec.json.encode(row).decode()]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", entry)
-                case FlankRow():
-                    entry = [f"{FLANK}{row.joint}", msgspec.json.encode(row).decode()]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", entry)
-                case SinkRows():
-                    sinks = [[one.name, one.is_up, micros(one.since), one.error] for one in row.rows]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES ('sinks', ?)", [json.dumps(sinks)])
-                case Origins():
-                    groups = [[dict(origin.probabilities), origin.windows] for origin in row.groups]
-                    self._db.execute("INSERT OR REPLACE INTO meta VALUES ('origins', ?)", [json.dumps(groups)])
+                case ClockRow() | NoiseRow() | FlankRow() | Origins() | SinkRows():
+                    self._meta(row)
+
+    def _meta(self, row: ClockRow | NoiseRow | FlankRow | Origins | SinkRows) -> None:
+        """Writes what has one row in the table of names and values."""
+        match row:
+            case ClockRow():
+                self._bound_us = row.bound_us
+                entry = ["clock", json.dumps([row.known_us, row.bound_us])]
+            case NoiseRow():
+                entry = [f"{NOISE}{row.joint}", msgspec.json.encode(row).decode()]
+            case FlankRow():
+                entry = [f"{FLANK}{row.joint}", msgspec.json.encode(row).decode()]
+            case Origins():
+                entry = ["origins", json.dumps([[dict(one.probabilities), one.windows] for one in row.groups])]
+            case SinkRows():
+                sinks = [[one.name, one.is_up, micros(one.since), one.error] for one in row.rows]
+                entry = ["sinks", json.dumps(sinks)]
+        self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", entry)
 
     def _mend(self, row: Mend) -> None:
         """Moves what was stamped by a wrong clock."""

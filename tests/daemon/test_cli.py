@@ -283,7 +283,8 @@ def test_run_tells_where_the_database_is(tmp_path: Path) -> None:
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0
     assert out == ""
-    line = r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d\d\dZ INFO    started: robot arm2, 1 joint, database history\.db"
+    line = r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d\d\dZ INFO    started: robot arm2, 1 joint, database "
+    line += re.escape(str(tmp_path / "history.db"))
     assert any(re.fullmatch(line, said) for said in err.splitlines()), err
 
 
