@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -178,6 +179,23 @@ def test_a_wrong_call_is_explained(arguments: list[str], message: str) -> None:
     done = subprocess.run([*MODULE, *arguments], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert message in done.stderr
+
+
+def test_a_terminal_shows_what_is_where() -> None:
+    """A line for each port, with its device; what reads a pipe gets the bare ports."""
+    master, slave = os.openpty()
+    with subprocess.Popen([*MODULE, "--servos", "ax12:2,3", "--accel", "csv:1000"], stdout=slave) as process:
+        try:
+            text = ""
+            while text.count("\n") < 2:
+                text += os.read(master, 1000).decode()
+        finally:
+            process.kill()
+    os.close(slave)
+    os.close(master)
+    servos, accelerometer = (line.split("  ") for line in text.splitlines())
+    assert (servos[1], accelerometer[1]) == ("servos ax12:2,3", "accelerometer csv:1000")
+    assert all(port.startswith("/dev/pts/") for port, _ in (servos, accelerometer))
 
 
 def test_a_sensor_that_was_off_does_not_catch_up() -> None:
