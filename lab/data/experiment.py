@@ -55,7 +55,6 @@ IN_PLACE = {
 """What is taken for the torque of a joint where none was recorded: its unit, the factor to a torque, and a remark."""
 log = logging.getLogger(__name__)
 LEAST_SAMPLES = 50
-LONGEST_GAP = 20.0  # times the usual spacing of the input: over longer gaps the motion is unknown
 FLAT_SHARE = 1e-9
 RAILS_SHARE = 0.5
 COPIED, COPIED_ROWS = 0.9, 3  # share of the rows in motion, and how many rows a goal is ahead that is a copy
@@ -237,7 +236,7 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
             f"{recording.name}: samples of {column}: found {time.size}, expected at least {LEAST_SAMPLES}; "
             "is the recording too short?"
         )
-    longest = _without_gap(recording.name, column, time, values)
+    longest = readings.longest_part(recording.name, column, time, values)
     if longest.stop - longest.start < LEAST_SAMPLES:
         raise ExperimentError(
             f"{recording.name}: samples of {column} between two gaps: found {longest.stop - longest.start} at most, "
@@ -278,25 +277,6 @@ def _readings(recording: Recording, column: str) -> FloatArray:
     """The readings of a column (M,), none where it was not recorded."""
     values = recording.columns.get(column, np.empty(0))
     return np.asarray(values[np.isfinite(values)])
-
-
-def _without_gap(name: str, column: str, time: FloatArray, values: FloatArray) -> slice:
-    """The samples of the longest part of the input without a gap; a warning reports the rest.  A goal that is the same
-    on both sides of a gap was held in it."""
-    spacing = np.diff(time)
-    held = (np.diff(values) == 0) & (column == "command")
-    gaps = np.flatnonzero((spacing > LONGEST_GAP * np.median(spacing)) & ~held)
-    ends = np.concatenate([[0], gaps + 1, [time.size]])
-    at = int(np.argmax(np.diff(ends)))
-    first, last = int(ends[at]), int(ends[at + 1])
-    if gaps.size:
-        widest = gaps[np.argmax(spacing[gaps])]
-        log.warning(
-            "%s: %s has a gap of %.3g s at %g s, more than %g sample spacings: used from %g to %g s; cut the "
-            "recording in two there to use all of it",
-            name, column, spacing[widest], time[widest], LONGEST_GAP, time[first], time[last - 1],
-        )  # fmt: skip
-    return slice(first, last)
 
 
 def _check_goal(recording: Recording) -> None:

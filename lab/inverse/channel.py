@@ -74,8 +74,9 @@ class Channel:
         least = min(deviation for _, deviation in clear)
         is_identified = least < policy.INERTIA_IDENTIFIED
         chosen = next(one for one, sd in clear if not is_identified or sd <= policy.BAND_AS_WELL * least)
-        power = {one: fit.power for one, fit in found if fit}
-        return replace(chosen, share=power.get(chosen, 1.0) / power.get(found[0][0], 1.0))
+        power = next((fit.power for one, fit in found if fit and one is chosen), math.nan)
+        whole_power = float(np.var(np.concatenate([one.driving[one.kept] for one in whole])))
+        return replace(chosen, share=power / max(whole_power, 1e-300))
 
     @classmethod
     def _of_band(cls, experiments: Sequence[Experiment], end_hz: float) -> tuple[Channel, _JointFit | None]:
@@ -102,7 +103,7 @@ class Channel:
         if self.share < 1 / 2:
             log.warning(
                 "%s: the motion is compared below %.2g Hz, where the inertia is identified best; only %.0f %% of the "
-                "torque's variance is there, and what hardly moves the joint, as cogging under a controller, is missed",
+                "torque's variance is there: the rest is noise, or hardly moves the joint, as cogging does",
                 name, self.band_hz, 100 * self.share,
             )  # fmt: skip
 

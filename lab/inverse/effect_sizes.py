@@ -23,7 +23,7 @@ from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["amplitudes", "chance_of_zero", "exceeds_noise", "is_sized", "shares", "uncertainty"]
+__all__ = ["amplitudes", "chance_of_zero", "disagree", "exceeds_noise", "is_sized", "shares", "uncertainty"]
 
 
 def uncertainty(fit: Regression) -> float:
@@ -32,6 +32,19 @@ def uncertainty(fit: Regression) -> float:
         name: abs(fit.model.parameters[name].value) for effect in fit.model.effects for name in amplitudes(effect, fit)
     }
     return sum(math.log(max(fit.deviations[name], 1e-300) / max(size, 1e-300)) for name, size in sizes.items())
+
+
+def disagree(one: Regression, other: Regression) -> bool:
+    """Whether two fits of a model differ significantly (``policy.FALSE_NAME``) in the amplitude of an effect."""
+    names = [name for effect in one.model.effects for name in amplitudes(effect, one)]
+    distances = [
+        abs(one.model.parameters[name].value - other.model.parameters[name].value)
+        / max(math.hypot(one.deviations[name], other.deviations[name]), 1e-300)
+        for name in names
+    ]
+    return (
+        2 * len(names) * float(stdtr(min(one.freedom, other.freedom), -max(distances, default=0.0))) < policy.FALSE_NAME
+    )
 
 
 def chance_of_zero(fewer: Model, fit: Regression) -> float | None:

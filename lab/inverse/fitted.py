@@ -11,7 +11,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import within
-from lostmotion.lab.inverse.effect_sizes import uncertainty
+from lostmotion.lab.inverse.effect_sizes import disagree, uncertainty
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, regressed
@@ -40,8 +40,12 @@ class Fitted:
     def surest(self) -> Regression:
         """The fit to report: of the least-squares and the generalised least-squares fit of a torque the one with the
         smaller relative deviations of its effects.  Whitening gives more weight to high frequencies, where the noise of
-        an angle dominates its speed."""
-        return self.judged if self.judged is self.inverse else min(self.inverse, self.judged, key=uncertainty)
+        an angle dominates its speed.  Where the estimates of an effect disagree, the model is not right in the whole
+        band (Hausman, Econometrica 46, 1978, 1251-1271), and least squares approximate what is measured best: 419 N of
+        dry friction in a damper left 314 N of a recording, and 164 N by generalised least squares left 358 N."""
+        if self.judged is self.inverse or disagree(self.inverse, self.judged):
+            return self.inverse
+        return min(self.inverse, self.judged, key=uncertainty)
 
     @property
     def model(self) -> Model:

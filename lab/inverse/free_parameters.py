@@ -119,11 +119,11 @@ def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
     moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
     torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
     speed, place = (
-        max(max(float(np.ptp(values)) for values in parts) / 2, 1e-300)
+        max(float(np.ptp(values)) for values in parts) / 2
         for parts in ([one.velocity for one in data.signals], [one.position for one in data.signals])
     )
     usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE} | {
-        unit: LEAST_SCALE**2 * torque / motion
+        unit: LEAST_SCALE**2 * torque / motion if motion else 0.0
         for units, motion in (
             (("N m s/rad", "N s/m"), speed),
             (("N m s^2/rad^2", "N s^2/m^2"), speed**2),

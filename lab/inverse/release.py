@@ -58,6 +58,9 @@ LEAST_HELD = 8
 TOP = 0.98
 """Share of the largest speed above which a shaft may still be driven: a driven shaft keeps its speed, apart from noise,
 and a coasting one slows down at once."""
+COAST_TURNS = 20
+"""Number of turns after which a coasting shaft has slowed down by more than that.  A flywheel under speed control, with
+100 turns after its run-up, turned 1.5 % farther in the second half."""
 COASTS = 0.1
 """What stands for the period of a shaft that coasts down, which has none: a share of the time that it takes."""
 PAUSE = 3.0
@@ -69,7 +72,7 @@ log = logging.getLogger(__name__)
 
 def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """The experiments, those without an input reduced to their free part; a warning reports what is left out.  Raises
-    ExperimentError for a shaft that gains speed without an input."""
+    ExperimentError for a shaft that does not slow down without an input."""
     return tuple(one if one.is_driven else _released(one) for one in experiments)
 
 
@@ -112,9 +115,15 @@ def _free_part(signals: Signals) -> _FreePart:
     The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band, or
     with the motion where something acts again afterwards.
 
-    Raises ExperimentError for a part that gains speed all the same, as a motor's shaft does.
+    Raises ExperimentError for a part that keeps its speed all the same, as a motor's shaft does, and for a motion of
+    fewer samples than a local polynomial has, as a step of a controller.
     """
     motion, time = _LocalMotion.of(signals), signals.time
+    if (found := motion.whole.stop - motion.whole.start) < motion.width:
+        raise ExperimentError(
+            f"{signals.experiment.name}: found a motion of {found} samples and rests before and after it, expected at "
+            f"least {motion.width} in motion: was it recorded too slowly, or was it moved by a step?"
+        )
     free, width, release, acts_again = motion.free, motion.width, 0, False
     if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
         release, acts_again = _by_acceleration(signals, motion)
@@ -123,7 +132,7 @@ def _free_part(signals: Signals) -> _FreePart:
     if begins > TURNING * motion.period or is_held:
         release = max(release, begins + (motion.period // 2 if signals.column == ACCEL else 0))
     is_angle = signals.column == "position" and not signals.experiment.is_linear
-    if is_angle and _gains_speed(signals.position[max(begins, release) : ends]):
+    if is_angle and _keeps_speed(signals.position[max(begins, release) : ends]):
         raise _driven_error(signals)
     end = free.stop - 1 if acts_again else 2 * ends - begins
     return _FreePart(
@@ -160,20 +169,22 @@ def _is_held(readings: FloatArray) -> bool:
     return bool(policy.MISSED * held < left(time, time**2, time**3)) if readings.size >= LEAST_HELD else False
 
 
-def _gains_speed(angle: FloatArray) -> bool:
+def _keeps_speed(angle: FloatArray) -> bool:
     """Whether a part with these angles (N,) turns more than once, in one direction, and farther in the second half of
-    the time than in the first, beyond noise.  A weight or a spring turns a part on by a turn at most before it slows
-    down."""
+    the time than in the first, beyond noise; or keeps its speed for ``COAST_TURNS``.  A weight or a spring turns a part
+    on by a turn at most before it slows down."""
     first, second = np.abs(np.diff(angle[[0, angle.size // 2, -1]]))
-    return bool(np.ptp(angle) > 2 * np.pi and is_onward(angle) and first < TOP * second)
+    turns = np.ptp(angle) / (2 * np.pi)
+    least = 1 / TOP if turns < COAST_TURNS else TOP
+    return bool(turns > 1 and is_onward(angle) and second > least * first)
 
 
 def _driven_error(signals: Signals) -> ExperimentError:
-    """The error to raise for a shaft that gains speed, which a free one cannot."""
+    """The error to raise for a shaft that does not slow down, as a free one does."""
     turns = np.ptp(signals.position) / (2 * np.pi)
     return ExperimentError(
-        f"{signals.experiment.name}: found {turns:.3g} turns that gain speed, and nothing that drives them; expected "
-        "what does, or a shaft that coasts: choose its series with --map torque=SERIES (or current=, voltage=)"
+        f"{signals.experiment.name}: found {turns:.3g} turns that do not slow down, and nothing that drives them; "
+        "expected what does, or a shaft that coasts: choose its series with --map torque=SERIES (or current=, voltage=)"
     )
 
 

@@ -13,6 +13,7 @@ from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
 from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
+from lostmotion.model.effects import get_effect
 
 __all__ = [
     "detectable",
@@ -68,7 +69,11 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
 
 def _named(effect: str, explanation: Explanation) -> str:
     """A sentence on a missing effect with its size, and on the effects that are confusable with it."""
-    sentence = words.sentence(effect, words.intervals(explanation.best, effect))
+    sizes = words.intervals(explanation.best, effect)
+    sentence = words.sentence(effect, sizes)
+    may_vanish = [sizes[name] for name in get_effect(effect).amplitudes if name in sizes]
+    if may_vanish and all(one.low <= 0.0 <= one.high for one in may_vanish):
+        sentence += " Its size may be zero, if what is left disturbs the motion for long."
     alike = [words.name(name) for group in explanation.confusable if group[0] == effect for name in group[1:]]
     if not alike:
         return sentence

@@ -36,12 +36,12 @@ def eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F])
 
     while added and not is_over():
         lacking = {effect: refitted(reduced(now.model, effect, first)) for effect in added if not is_over()}
-        if not (least := _least_needed(lacking, added, now, likelihood)):
-            break
+        if not (least := _least_needed(lacking, added, now, likelihood)) or is_over():
+            break  # fits that were cut short decide nothing
         now, added, lacking = lacking[least], [name for name in added if name != least], {}
     for effect in [] if is_over() else [*added]:
         simple = simplified(now.model, effect, first)
-        if simple and _is_enough(part := refitted(simple), now, likelihood):
+        if simple and _is_enough(part := refitted(simple), now, likelihood) and not is_over():
             now, added = part, relabelled(added, first.effects, part.model.effects)
             lacking.pop(effect, None)
     path = _path(found.fits, now, added, refitted)
@@ -93,9 +93,9 @@ def _is_enough(less: F, now: F, likelihood: Likelihood[F]) -> bool:
     of the last recording did (p = 0.0005).
     """
     last = likelihood.on_last(less, now)
-    if last is not None and last.reverse.p_value < policy.FALSE_NAME:
+    if last is not None and last.reverse.is_preferred:
         return True
-    if last is not None and last.p_value < policy.FALSE_NAME:
+    if last is not None and last.is_preferred:
         return False
     return not _is_worse(less, now, likelihood)
 

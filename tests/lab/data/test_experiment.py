@@ -357,6 +357,17 @@ def test_the_longest_part_without_a_gap_is_used(caplog: pytest.LogCaptureFixture
     assert "used from 0.425 to 1 s" in caplog.text
 
 
+def test_a_recording_that_is_mostly_gaps_is_refused() -> None:
+    """Sixty bursts of up to a second, seconds apart: the longest would be a thirtieth of the recording."""
+    rng, time, start = np.random.default_rng(3), list[float](), 0.0
+    for rows in rng.integers(10, 100, 60):
+        time += [start + 0.01 * row for row in range(rows)]
+        start = time[-1] + rng.uniform(1.0, 40.0)
+    steps = Recording(np.array(time), {"position": np.sin(time), "torque": np.cos(time)}, name="steps.csv")
+    with pytest.raises(ExperimentError, match=r"59 gaps of more than 20 sample spacings, and only 9\d of 3\d+ rows"):
+        experiments(build_model("joint"), [steps])
+
+
 def test_a_goal_that_is_the_same_after_a_gap_was_held_in_it(caplog: pytest.LogCaptureFixture) -> None:
     """Steps of a servo, whose log pauses every tenth of a second for longer than 20 samples: all of it is used."""
     goal = np.where(TIMES % 0.5 < 0.25, 0.3, 0.0)

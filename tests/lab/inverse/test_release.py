@@ -157,15 +157,17 @@ def test_a_mass_on_a_spring_that_is_struck(column: str, struck_s: float) -> None
     assert found == 0.0 or struck_s
 
 
-@pytest.mark.parametrize(("gained", "is_refused"), [(30.0, True), (0.0, False), (-20.0, False)])
-def test_a_shaft_that_gains_speed_is_driven(gained: float, is_refused: bool) -> None:
-    """A motor that runs up is not free, whatever it is called; one that keeps its speed may be."""
+@pytest.mark.parametrize(("gained", "is_refused"), [(30.0, True), (0.0, True), (-20.0, False)])
+def test_a_shaft_that_does_not_slow_down_is_driven(gained: float, is_refused: bool) -> None:
+    """A motor that runs up, or keeps its speed for a hundred turns, is not free, whatever it is called."""
     speed = 40 + gained * (1 - np.exp(-TIMES / 2))
     shaft = measured(np.cumsum(speed) / RATE_HZ)
     if not is_refused:
         assert released([shaft])[0].time[-1] == TIMES[-1]
         return
-    with pytest.raises(ExperimentError, match=r"found 1\d\d turns that gain speed, and nothing that drives them"):
+    with pytest.raises(
+        ExperimentError, match=r"found [\d.]+ turns that do not slow down, and nothing that drives them"
+    ):
         released([shaft])
 
 
@@ -179,8 +181,17 @@ def test_a_motor_that_runs_up_over_a_turn_and_a_half_is_driven(turns: float, is_
     if not is_refused:
         assert released([motor])
         return
-    with pytest.raises(ExperimentError, match=r"found 1\.6 turns that gain speed, and nothing that drives them"):
+    with pytest.raises(ExperimentError, match=r"found 1\.6 turns that do not slow down, and nothing that drives them"):
         released([motor])
+
+
+def test_a_step_of_a_controller_is_no_free_motion() -> None:
+    """Eight readings between two rests, as of a trace of a controller."""
+    angle = np.where(TIMES < 2.0, 25.0, 50.0)
+    ramp = (TIMES >= 2.0) & (TIMES < 2.0 + 6 / RATE_HZ)
+    angle[ramp] = np.linspace(25.0, 50.0, int(ramp.sum()))
+    with pytest.raises(ExperimentError, match=r"found a motion of \d samples and rests before and after it"):
+        released([measured(angle)])
 
 
 @pytest.mark.slow
