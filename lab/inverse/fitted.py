@@ -42,7 +42,8 @@ class Fitted:
         smaller relative deviations of its effects.  Whitening gives more weight to high frequencies, where the noise of
         an angle dominates its speed.  Where the estimates of an effect disagree, the model is not right in the whole
         band (Hausman, Econometrica 46, 1978, 1251-1271), and least squares approximate what is measured best: 419 N of
-        dry friction in a damper left 314 N of a recording, and 164 N by generalised least squares left 358 N."""
+        dry friction in a damper left 314 N of a recording, and 164 N by generalised least squares left 358 N.  The
+        other way round, where neighbours move a joint, none of 32 pairs of fits disagree."""
         if self.judged is self.inverse or disagree(self.inverse, self.judged):
             return self.inverse
         return min(self.inverse, self.judged, key=uncertainty)

@@ -1,15 +1,20 @@
-"""Dry friction that is elastic near every reversal, as in a damper: whitening, which looks at high frequencies, sees the
-elasticity, and least squares the friction.  Integrated by SciPy, apart from the lab."""
+"""Dry friction that is elastic near every reversal, as in a damper, with a force that no effect explains.  Integrated by
+SciPy, apart from the lab."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.lab.inverse.fitted import Fitted
+from lostmotion.lab.inverse.regression import Regression
+from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
 MASS, DAMPING, FRICTION, STIFFNESS = 1.0, 300.0, 40.0, 80000.0
@@ -39,6 +44,23 @@ def damper(seed: int) -> Recording:
     position = np.sin(angles) @ sizes + 1e-6 * rng.standard_normal(time.size)
     columns = {"position": position, "torque": force + 0.3 * rng.standard_normal(time.size)}
     return Recording(time, columns, {"position_unit": "m"}, {}, 0, f"damper{seed}.csv")
+
+
+def sized(friction: float, deviation: float) -> Regression:
+    """What is asked of a fit of Coulomb friction with this size and standard deviation."""
+    name = "coulomb_friction.tau_c"
+    model = build_model("joint", ["coulomb_friction"], {name: friction})
+    unknowns = SimpleNamespace(names=(name,))
+    return cast(Regression, SimpleNamespace(model=model, unknowns=unknowns, deviations={name: deviation}, freedom=40))
+
+
+def test_a_whitened_fit_that_disagrees_is_not_reported() -> None:
+    """The sizes of a damper (31 standard deviations apart), where least squares predict better, and of a joint that its
+    neighbours move, where the whitened fit is closer."""
+    plain, white = sized(419.0, 11.0), sized(164.0, 6.0)
+    assert Fitted(plain, white).surest is plain
+    plain, white = sized(0.235, 0.137), sized(0.21, 0.041)
+    assert Fitted(plain, white).surest is white
 
 
 @pytest.mark.slow
