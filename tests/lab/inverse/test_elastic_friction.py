@@ -1,5 +1,5 @@
-"""Dry friction that is elastic near every reversal, as in a damper, with a force that no effect explains.  Integrated by
-SciPy, apart from the lab."""
+"""Dry friction that is elastic near every reversal, as in a damper, with a force that no effect explains.  Integrated
+by SciPy, apart from the lab."""
 
 from __future__ import annotations
 
