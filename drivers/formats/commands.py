@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, mapped
-from lostmotion.drivers.formats.rates import are_of_one_array
+from lostmotion.drivers.formats.rates import are_of_one_array, factor_of
 from lostmotion.drivers.formats.source import Part, Series, shown
-from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, without_joint
+from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, says_nothing, without_joint
 
-__all__ = ["held", "switched", "unnamed", "unused"]
+__all__ = ["held", "undriven", "unnamed", "unused"]
 
 RARE = 0.1
 """messages of a command for each of the readings, below which the drive holds a value until the next one: of nine
 recordings of a motor six have at most 0.0013, which changes a few times, and three, which follow a sine, 1.2"""
 POWERS = DRIVES - {"command"}
-UNNAMED = re.compile(r"column\d+")
 MOST = 8
 """of them are read"""
 LEVELS, LEAST = 8, 100
@@ -64,29 +62,36 @@ def unused(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Ser
 
 
 def unnamed(chosen: Sequence[Chosen], series: Sequence[Series], clock: str) -> list[str]:
-    """The series without a name that may drive the motion, where no drive is used; clock: the series that is the
-    time."""
+    """The series whose names say nothing that may drive the motion, where no drive is used; clock: the series that is
+    the time."""
     columns, taken = {one.column for one in chosen}, {clock, *(one.series for one in chosen)}
     if not columns & MOTIONS or columns & DRIVES:
         return []
-    moved = next(one for one in chosen if one.column in MOTIONS)
-    left = [one.name for one in series if one.name not in taken and shown(one.name) not in moved.why]
-    return [name for name in left if UNNAMED.fullmatch(name) or are_of_one_array(moved.series, name)][:MOST]
+    moved = next(one.series for one in chosen if one.column in MOTIONS)
+    left = [one.name for one in series if one.name not in taken]
+    return [name for name in left if says_nothing(name) or are_of_one_array(moved, name)][:MOST]
 
 
-def switched(left: Mapping[str, Part]) -> list[str]:
-    """A note on each of these series without a name, by name, that looks like a switched input; where none does, on the
-    first."""
+def undriven(left: Mapping[str, Part], motion: Part) -> list[str]:
+    """A note on each of these series, by name, that looks like a switched input; where none does, on those that change
+    and are not how fast the motion changes."""
     many = {name: _levels(values) for name, (_, values) in left.items() if values.size >= LEAST}
-    few = {name: levels for name, levels in many.items() if 1 < levels <= LEVELS}
-    if not few and (changing := [name for name, levels in many.items() if levels > 1]):
-        told = mapped("torque", changing[0])
-        return [f"the motion is taken as free; if one of the others drives it, use that, as in {told}"]
+    changing = {name: levels for name, levels in many.items() if levels > 1 and not _is_speed(left[name], motion)}
+    few = {name: levels for name, levels in changing.items() if levels <= LEVELS}
+    said = {f"{shown(name)} has {levels} values and is": name for name, levels in few.items()}
+    if changing and not few:
+        said = {f"{', '.join(map(shown, changing))} {'is' if len(changing) == 1 else 'are'}": next(iter(changing))}
     return [
-        f"{shown(name)} has {levels} values and is not used, and the motion is taken as free; if that drives it, use "
-        f"{mapped('torque', name)}, or for a motor's voltage {mapped('voltage', name)}"
-        for name, levels in few.items()
+        f"{what} not used, and the motion is taken as free; if {shown(name)} drives it, use {mapped('torque', name)}, "
+        f"or for a motor's voltage {mapped('voltage', name)}"
+        for what, name in said.items()
     ]
+
+
+def _is_speed(part: Part, motion: Part) -> bool:
+    """Whether a series is how fast the motion changes, in any unit."""
+    (times, values), (seen, position) = part, motion
+    return times.size > 1 and factor_of(np.interp(times, seen, position), values * np.gradient(times)) > 0
 
 
 def _levels(values: FloatArray) -> int:

@@ -175,10 +175,11 @@ def with_angle(table: Table, choice: Choice) -> Table:
 
 def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
     """The table without the joints that hardly move, where one moves far more than all others; else without those
-    whose goal and angle never change, where the same of other joints does; and a note of them."""
+    whose angles never change, where those of other joints do, or whose goals, without angles; and a note of them."""
     turning = ("command", "position")
     angles = [one.name for one in table.series if column_of(one.name) in turning and one.name != table.clock]
     named = [name for name in angles if joint_of(name) and any(map(str.isalpha, _bare(without_joint(name))))]
+    named = _of_most_joints(named)
     joints = {joint_of(name) for name in named}
     if choice.joint or choice.hint in joints or len(joints) < 2:
         return table, []
@@ -191,6 +192,17 @@ def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
     series = [each for each in table.series if joint_of(each.name) not in still]
     told = ", ".join(map(shown, sorted(still)))
     return replace(table, series=series), [f"{one or 'left out, as they do not move:'} {told}"]
+
+
+def _of_most_joints(names: Sequence[str]) -> list[str]:
+    """Those of the quantities that most joints have: of measured ones, if several joints have these, as a goal does not
+    say that its joint moves; an arm has fewer places of its hand than angles."""
+    joints: dict[tuple[bool, str], set[str]] = {}
+    for name in names:
+        joints.setdefault((column_of(name) == "position", without_joint(name)), set()).add(joint_of(name))
+    ranks = {each: (each[0] and len(found) > 1, len(found)) for each, found in joints.items()}
+    best = max(ranks.values(), default=(False, 0))
+    return [name for name in names if ranks[column_of(name) == "position", without_joint(name)] == best]
 
 
 def _shares(columns: Mapping[str, FloatArray]) -> dict[str, float]:

@@ -14,7 +14,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.table import LEAST_ROWS
 from lostmotion.drivers.formats.words import SPEED_LETTER, UNNAMED, column_of, is_input, speed_of
 
-__all__ = ["Rate", "are_of_one_array", "rates"]
+__all__ = ["Rate", "are_of_one_array", "factor_of", "rates"]
 
 BLOCKS = 200
 """pieces of a recording, in each of which the way is compared with the sum of the speed: noise averages out"""
@@ -83,17 +83,23 @@ def _rate(columns: Mapping[str, FloatArray], of: str, speed: str, steps: FloatAr
     is_speed = may_be or speed_of(speed) is not None
     if not is_speed or speed_of(of) is not None or column_of(of) or is_input(of):
         return None
-    position, velocity = columns[of], columns[speed] * steps
+    factor = factor_of(columns[of], columns[speed] * steps)
+    return Rate(of, speed, factor) if factor else None
+
+
+def factor_of(position: FloatArray, velocity: FloatArray) -> float:
+    """The factor of a speed (N,), times the length of each row, that makes it how fast a position (N,) changes; 0 where
+    it is not."""
     fine = np.isfinite(position) & np.isfinite(velocity)
     if np.count_nonzero(fine) < LEAST_ROWS:
-        return None
+        return 0.0
     position, velocity = position[fine], velocity[fine]
     ends = np.arange(0, position.size, max(position.size // BLOCKS, 1))
     way = np.diff(position[ends])
     total = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2)])
     sums = np.diff(total[ends])
     if any(np.std(one) <= EVEN * np.sqrt(np.mean(one**2)) for one in (way, sums)):
-        return None
+        return 0.0
     factor = float(way @ sums / (sums @ sums))
-    is_alike = float(np.corrcoef(way, sums)[0, 1]) > ALIKE and factor > 0
-    return Rate(of, speed, factor) if is_alike else None
+    is_alike = float(np.corrcoef(way, sums)[0, 1]) > ALIKE
+    return factor if is_alike and factor > 0 else 0.0

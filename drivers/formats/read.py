@@ -13,7 +13,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, doubts, in_degrees
-from lostmotion.drivers.formats.commands import held, switched, unnamed, unused
+from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, unknown
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
@@ -80,7 +80,8 @@ def imported(path: Path, choice: Choice) -> Imported:
     notes += [*told, *doubts(kept, parts, source.series), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)
     if left := unnamed(kept, source.series, clock):
-        notes += switched(source.read(left, choice).values)
+        motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
+        notes += undriven(source.read(left, choice).values, motion)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)

@@ -11,7 +11,7 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
     "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_sent", "is_time", "joint_of", "rate_of",
-    "speed_of", "time_rank", "unit_of", "without_joint",
+    "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -77,7 +77,7 @@ SPELT = {
 }  # fmt: skip
 DOTTED = re.compile(r"(?<![A-Za-z])(theta|phi|psi|alpha|beta|q|x|y|z)(d?dot)(?![A-Za-z])", re.IGNORECASE)
 """a symbol with a dot or two above it, spelt in one word: ``phidot``"""
-SPEED_LETTER = re.compile(r"[vw]|d[qx]|[qx]d")
+SPEED_LETTER = re.compile(r"[vw]|d[qx]|[qx]d", re.IGNORECASE)
 """what books call a speed, which may also be a voltage or anything else: its numbers must say so"""
 UNITS = {
     "deg", "rad", "s", "ms", "us", "ns", "mm", "cm", "m", "nm", "a", "ma", "v", "mv", "c", "g", "n", "kn", "arcmin",
@@ -194,6 +194,12 @@ def is_sent(name: str) -> bool:
     """Whether a series is what a motor is told, and not what a sensor or an observer says."""
     words = {*_words(name)}
     return bool(words & (COMMAND | INPUT)) and not words & (OTHER - INPUT | MEASURED | ESTIMATED | REPORTED)
+
+
+def says_nothing(name: str) -> bool:
+    """Whether a series has no name, or a letter as in a formula, which may be of any quantity."""
+    is_letter = SPEED_LETTER.fullmatch(name) or (len(name) == 1 and name.isalpha())
+    return bool(UNNAMED.fullmatch(name) or is_letter) and not (column_of(name) or is_time(name) or axis_of(name))
 
 
 def speed_of(name: str) -> str | None:

@@ -1,0 +1,67 @@
+"""What ``lostmotion import`` says of the files of others: which series it takes, and else what to type."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.daemon.cli_world import call
+
+T = np.arange(500) / 100
+ANGLE = np.sin(3 * T) + 0.2 * np.sin(11 * T)
+SPEED = np.gradient(ANGLE, 0.01)
+
+
+def told(path: Path, *options: str) -> str:
+    """All that is printed of a file."""
+    result = call("import", path, *options)
+    assert result.exit_code in (0, 2), result.output
+    return result.output
+
+
+def saved(path: Path, columns: Mapping[str, np.ndarray], form: str = "%.6f") -> Path:
+    """A table with a header."""
+    np.savetxt(path, np.column_stack(list(columns.values())), form, ",", header=",".join(columns), comments="")
+    return path
+
+
+@pytest.mark.parametrize("volts", [np.cos(T**2), 3.0 * (T > 1)], ids=["a sweep", "a step"])
+def test_a_letter_that_is_no_speed_may_drive_the_motion(volts: np.ndarray, tmp_path: Path) -> None:
+    """``v`` beside angles is named as what may drive them, however one is chosen, unless it is how fast that turns."""
+    path = saved(tmp_path / "arm.csv", {"t": T, "phi1": ANGLE, "phi2": np.cos(T), "v": volts})
+    for options in (["--joint", "1"], ["--map", "position=phi1"]):
+        assert "not used, and the motion is taken as free; if v drives it, use --map torque=v" in told(path, *options)
+    assert "for a motor's voltage --map voltage=v" in told(path, "--joint", "1")
+    assert "taken as free" not in told(path, "--joint", "1", "--map", "voltage=v")
+    saved(path, {"t": T, "phi1": ANGLE, "phi2": np.cos(T), "v": 57.3 * SPEED})
+    assert "taken as free" not in told(path, "--joint", "1")
+
+
+def test_of_several_joints_the_one_that_turns_is_taken(tmp_path: Path) -> None:
+    """The goals of the others, and the places of the hand, do not say that they turn."""
+    goals = np.stack([ANGLE, 0.4 * np.sin(T), 0.1 * T], axis=1)
+    turned = np.stack([ANGLE, 0 * T, 0 * T + 1], axis=1)
+    np.savez(tmp_path / "arm.npz", time=T, q=turned, q_cmd=goals, hand_pos=0.01 * goals[:, :2])
+    said = told(tmp_path / "arm.npz")
+    assert "position = q[0]" in said
+    assert "taken is 0, which moves most by far; not 1, 2" in said
+    np.savez(tmp_path / "arm.npz", time=T, q_cmd=goals)
+    assert "choose with --joint NAME (or FILE#joint=NAME) from 0, 1, 2" in told(tmp_path / "arm.npz")
+
+
+def test_a_displacement_without_a_name_is_found_by_its_speed(tmp_path: Path) -> None:
+    """Of t, A, D, V, F the speed is V, whatever its case, and the force moves D along a line."""
+    columns = {
+        "t": T,
+        "A": np.gradient(SPEED, 0.01) / 981,
+        "D": ANGLE,
+        "fs": np.nan * T,
+        "V": SPEED,
+        "F": 9 * np.sign(SPEED),
+    }
+    said = told(saved(tmp_path / "damper.csv", columns))
+    assert "position = D  (m; V is how fast it changes)" in said
+    assert "force = F  (N" in said
