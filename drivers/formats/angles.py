@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import pi
 
 import numpy as np
 
 from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.commands import unused
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, mapped, speeds_told
 from lostmotion.drivers.formats.motion import SWINGS, crossings
@@ -16,12 +16,15 @@ from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import is_angle
 from lostmotion.drivers.units import MANY_TURNS
 
-__all__ = ["ASSUMED", "doubts", "in_degrees"]
+__all__ = ["ASSUMED", "check_servo", "doubts", "in_degrees"]
 
 ASSUMED = "; a swing"
 """the end of the reason for an angle that was read in degrees because nothing swings so far in rad"""
 ANGLES = ("command", "position")
 DEGREE = np.pi / 180
+TURN = 360
+COUNTED = f"*{np.pi / 2048:.8f}"
+"""what makes rad of counts of 4096 a turn"""
 COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
 
@@ -37,7 +40,8 @@ def in_degrees(
         half, rad = np.ptp(parts[0][1]) / 2, mapped("position", chosen[0].series, ":rad")
         notes.append(f"position: no unit is given; taken as deg, as nothing swings by {half:.4g} rad; else use {rad}")
         angles, reason = {"position"}, ASSUMED
-    if _are_of_a_servo_in_degrees(chosen, [values for _, values in parts]):
+    servo = _beyond_a_servo(chosen, [values for _, values in parts])
+    if servo and max(float(np.abs(values).max()) for _, values in servo) <= TURN:
         rad = " ".join(mapped(one.column, one.series, ":rad") for one in chosen if one.column in ANGLES)
         why = "as a servo with a goal does not turn so often"
         notes.append(f"command, position: no unit is given; taken as deg, {why}; else use {rad}")
@@ -59,21 +63,35 @@ def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
     if one.column != "position" or one.unit or one.why == "given" or one.factor != 1 or not values.size:
         return False
-    most = COUNTS if _are_whole(values) and not is_angle(one.series) else 360
+    most = COUNTS if _are_whole(values) and not is_angle(one.series) else TURN
     return bool(crossings(values) >= SWINGS and np.pi < np.ptp(values) / 2 <= most)
 
 
-def _are_of_a_servo_in_degrees(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> bool:
-    """Whether goal and angle have no unit, and are beyond the turns of a servo in rad, but within one in degrees; whole
-    numbers may be counts, unless both are called angles."""
+def check_servo(chosen: Sequence[Chosen], parts: Sequence[Part], name: str) -> None:
+    """Refuses goal and angle in whole numbers beyond the turns of a servo in rad, which are degrees or counts of an
+    encoder.  Raises RecordingError."""
+    angles = _beyond_a_servo(chosen, [values for _, values in parts])
+    numbers = np.concatenate([values for _, values in angles]) if angles else np.empty(0)
+    if not angles or not _are_whole(numbers) or all(is_angle(one.series) for one, _ in angles):
+        return
+    counts, degrees = (
+        " ".join(mapped(one.column, one.series, unit) for one, _ in angles) for unit in (COUNTED, ":deg")
+    )
+    raise RecordingError(
+        f"{name}: found whole numbers without a unit, {numbers.min():g} to {numbers.max():g}, in "
+        f"{' and '.join(shown(one.series) for one, _ in angles)}, expected rad, in which a servo with a goal does not "
+        f"turn so often; if they are counts of 4096 a turn, use {counts}, if degrees, {degrees}"
+    )
+
+
+def _beyond_a_servo(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> list[tuple[Chosen, FloatArray]]:
+    """Goal and angle with their numbers, if they have no unit and are beyond the turns of a servo in rad; else none."""
     angles = [(one, numbers) for one, numbers in zip(columns, values, strict=True) if one.column in ANGLES]
     if {one.column for one, _ in angles} != {*ANGLES} or any(
         one.unit or one.why == "given" or one.factor != 1 for one, _ in angles
     ):
-        return False
-    numbers = np.concatenate([each for _, each in angles])
-    may_be_counts = _are_whole(numbers) and not all(is_angle(one.series) for one, _ in angles)
-    return MANY_TURNS <= float(np.abs(numbers).max()) <= 360 and not may_be_counts
+        return []
+    return angles if max(float(np.abs(numbers).max()) for _, numbers in angles) >= MANY_TURNS else []
 
 
 def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:
@@ -85,7 +103,7 @@ def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[s
     if np.abs(values).max() < MANY_TURNS and not is_whole:
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"
-    degrees, counts = (mapped(one.column, one.series, each) for each in (":deg", f"*{pi / 2048:.8f}"))
+    degrees, counts = (mapped(one.column, one.series, each) for each in (":deg", COUNTED))
     what = "whole numbers, which rad hardly are, " if is_whole else ""
     said = f"{one.column}: no unit is given, and {what}{span} were taken as rad"
     return [f"{said}; if they are degrees, use {degrees}{f', if counts of 4096 a turn, {counts}' * is_whole}"]

@@ -12,7 +12,7 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.angles import ASSUMED, doubts, in_degrees
+from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, unknown
@@ -76,6 +76,7 @@ def imported(path: Path, choice: Choice) -> Imported:
             f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
             "was the recording stopped at once?"
         )
+    check_servo(kept, parts, str(path))
     kept, parts, told = in_degrees(_of_axis(kept), parts, source.series)
     notes += [*told, *doubts(kept, parts, source.series), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)

@@ -65,3 +65,17 @@ def test_a_displacement_without_a_name_is_found_by_its_speed(tmp_path: Path) -> 
     said = told(saved(tmp_path / "damper.csv", columns))
     assert "position = D  (m; V is how fast it changes)" in said
     assert "force = F  (N" in said
+
+
+def test_whole_numbers_of_a_servo_are_refused_with_what_to_type(tmp_path: Path) -> None:
+    """Goals and angles of 1747 to 2247 are counts, and no rad; so the lab does not fit them."""
+    turned = np.rint(2000 + 200 * ANGLE)
+    path = saved(tmp_path / "servo.csv", {"t": T, "target pos (3)": turned, "pos (3)": turned - 1}, "%.8g")
+    result = call("lab", "explain", "servo", path)
+    assert result.exit_code == 2
+    assert (
+        "expected rad, in which a servo with a goal does not turn so often; if they are counts of 4096" in result.output
+    )
+    options = ["--map", "command=target pos (3)*0.00153398", "--map", "position=pos (3)*0.00153398"]
+    assert f"use --map '{options[1]}' --map '{options[3]}', if degrees," in result.output
+    assert "times 0.00153398 [rad]" in told(path, *options)

@@ -236,8 +236,8 @@ def test_a_recording_in_several_files(tmp_path: Path) -> None:
 
 
 def test_a_servo_turns_in_degrees(tmp_path: Path) -> None:
-    """A goal and an angle beyond two turns in rad are degrees; whole numbers, unless both are called angles, and the
-    angle of a motor, may be more."""
+    """A goal and an angle beyond two turns in rad are degrees; whole numbers may be counts, unless both are called
+    angles, and the angle of a motor may be more."""
     path = tmp_path / "x.csv"
     table = pd.DataFrame({"t": T, "goal": 100 * ANGLE, "position": 99 * ANGLE})
     table.to_csv(path, index=False)
@@ -245,7 +245,9 @@ def test_a_servo_turns_in_degrees(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.recording.columns["command"], np.radians(100 * ANGLE))
     assert any("a servo with a goal does not turn so often" in note for note in found.notes)
     table.round().to_csv(path, index=False)
-    np.testing.assert_allclose(read(path).recording.columns["command"], (100 * ANGLE).round())
+    assert "found whole numbers without a unit" in refused(path)
+    given = read(path, "command=goal:rad", "position=position:rad").recording
+    np.testing.assert_allclose(given.columns["command"], (100 * ANGLE).round())
     called = table.rename(columns={"goal": "command_angle", "position": "feedback_angle"})
     called.round().to_csv(path, index=False)
     np.testing.assert_allclose(read(path).recording.columns["command"], np.radians((100 * ANGLE).round()))
