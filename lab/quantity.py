@@ -8,7 +8,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["SMALLEST_P", "Interval", "Scale", "number", "quantities", "quantity", "readable", "scale", "with_unit"]
+__all__ = [
+    "SMALLEST_P",
+    "Interval",
+    "Scale",
+    "number",
+    "of_axis",
+    "quantities",
+    "quantity",
+    "readable",
+    "scale",
+    "with_unit",
+]
 
 SMALLEST = 0.1
 """The largest unit is taken in which the largest value is at least this; thousands (kN) are taken from 1 on."""
@@ -177,3 +188,13 @@ def with_unit(text: str, unit: str) -> str:
     if unit in ("", "°", "′", "″"):
         return text + unit
     return f"{text} {unit}"
+
+
+def of_axis(unit: str, is_linear: bool, drive: str = "") -> str:
+    """The unit of a quantity that has this unit on a joint with a torque: "N s/m" for "N m s/rad" on a linear axis, "A
+    s/rad" where a current was recorded."""
+    if drive:
+        unit = unit.replace("kg m^2", f"{drive} s^2/rad").replace("N m", drive)
+    elif is_linear:
+        unit = unit.replace("kg m^2", "kg").replace("N m", "N")
+    return unit.replace("rad", "m") if is_linear else unit

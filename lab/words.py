@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lostmotion.lab.quantity import Interval
+from lostmotion.lab.quantity import Interval, of_axis
 from lostmotion.lab.results import Fit
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.registry import find
@@ -62,16 +62,6 @@ def column(name: str, is_linear: bool = False, drive: str = "") -> tuple[str, st
     if name == "torque" and drive:
         return _DRIVES.get(drive, "input"), drive
     return (_LINEAR if is_linear and name in _LINEAR else _COLUMNS).get(name, (name, ""))
-
-
-def of_axis(unit: str, is_linear: bool, drive: str = "") -> str:
-    """The unit of a quantity that has this unit on a joint with a torque: "N s/m" for "N m s/rad" on a linear axis, "A
-    s/rad" where a current was recorded; see ``column``."""
-    if drive:
-        unit = unit.replace("kg m^2", f"{drive} s^2/rad").replace("N m", drive)
-    elif is_linear:
-        unit = unit.replace("kg m^2", "kg").replace("N m", "N")
-    return unit.replace("rad", "m") if is_linear else unit
 
 
 def name(effect: str) -> str:

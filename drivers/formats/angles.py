@@ -10,7 +10,7 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.commands import unused
-from lostmotion.drivers.formats.guess import MOTIONS, Chosen, mapped, speeds_told
+from lostmotion.drivers.formats.guess import Chosen, mapped
 from lostmotion.drivers.formats.motion import SWINGS, crossings
 from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import is_angle
@@ -54,9 +54,9 @@ def in_degrees(
     return kept, turned, notes
 
 
-def doubts(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series]) -> list[str]:
-    """A warning where the size of the numbers contradicts the assumed unit, or an angle does not change."""
-    return [doubt for one, (_, values) in zip(chosen, parts, strict=True) for doubt in _doubts(one, values, series)]
+def doubts(chosen: Sequence[Chosen], parts: Sequence[Part]) -> list[str]:
+    """A warning where the size of the numbers contradicts the assumed unit."""
+    return [doubt for one, (_, values) in zip(chosen, parts, strict=True) for doubt in _doubts(one, values)]
 
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
@@ -94,9 +94,7 @@ def _beyond_a_servo(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> 
     return angles if max(float(np.abs(numbers).max()) for _, numbers in angles) >= MANY_TURNS else []
 
 
-def _doubts(one: Chosen, values: FloatArray, series: Sequence[Series]) -> list[str]:
-    if one.column in MOTIONS and one.why == "by its name" and values.size and not np.ptp(values) > 0:
-        return [f"{one.column}: {shown(one.series)} does not change; {hint}" for hint in speeds_told(series)]
+def _doubts(one: Chosen, values: FloatArray) -> list[str]:
     if one.column not in ANGLES or one.unit or one.why == "given" or not values.size:
         return []
     is_whole = _are_whole(values) and float(np.ptp(values)) > 2 * np.pi

@@ -25,7 +25,7 @@ from lostmotion.drivers.formats.words import (
 )
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS, to_si
 
-__all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "speeds_told", "unknown"]
+__all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "unknown"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
@@ -226,7 +226,8 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
     if len(own) != 1 or not (one.unit or unit):
-        return {}, [f"position: none; {hint}" for hint in speeds_told([one])]
+        told = f"position: none; {mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed"
+        return {}, [told] * bool(found)
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
 
 
@@ -234,12 +235,6 @@ def _along_a_line(chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:
     """A motion that a force drives, as a length if neither its unit nor its name says otherwise."""
     moved = [one for one in chosen.values() if one.column == "position" and not (one.unit or column_of(one.series))]
     return {one.column: replace(one, unit="m", si="m") for one in moved}
-
-
-def speeds_told(series: Sequence[Series]) -> list[str]:
-    """What to type for the first of the speeds among these, in a list; none for none."""
-    found = [one for one in series if speed_of(one.name) is not None]
-    return [f"{mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed" for one in found[:1]]
 
 
 def _input(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:

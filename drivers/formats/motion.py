@@ -19,7 +19,10 @@ from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
 from lostmotion.drivers.formats.table import MOST_LOOKED_AT, Table
 from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, joint_of, speed_of, without_joint
 
-__all__ = ["SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle", "without_still"]
+__all__ = [
+    "SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle", "without_constant",
+    "without_still",
+]  # fmt: skip
 
 FILMED = "angle(x, y)"
 """the series of the angle of a point that was filmed"""
@@ -171,6 +174,30 @@ def with_angle(table: Table, choice: Choice) -> Table:
         return table
     load = partial(_load, table, axes)
     return replace(table, series=[*table.series, Series(FILMED, "rad")], load=load)
+
+
+def without_constant(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
+    """The table without the motions by their names that never change, where something else moves, if no joint was
+    chosen; and a note of them."""
+    others = [
+        one.name for one in table.series if one.unit != DATE and one.name != table.clock and not is_time(one.name)
+    ]
+    named = [name for name in others if column_of(name) in MOTIONS]
+    if choice.joint or choice.hint or MOTIONS & {*choice.terms} or not named:
+        return table, []
+    still = [name for name, values in table.load(named).items() if not _changes(np.asarray(values, dtype=float))]
+    may_move = [name for name in others if name not in still and column_of(name) in {None, "accel", *MOTIONS}]
+    loaded = table.load(may_move[:MOST_LOOKED_AT]) if still else {}
+    if not any(_moves(name, np.asarray(values, dtype=float)) for name, values in loaded.items()):
+        return table, []
+    series = [each for each in table.series if each.name not in still]
+    return replace(table, series=series), [f"left out, as it never changes: {shown(name)}" for name in still]
+
+
+def _moves(name: str, values: FloatArray) -> bool:
+    """Whether a series swings, or is a speed or a motion by its name that changes."""
+    is_named = speed_of(name) is not None or column_of(name) in MOTIONS
+    return (is_named and _changes(values)) or _swings(values)
 
 
 def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:

@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_d
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, unknown
-from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_still
+from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_constant, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Part, Samples, shown
@@ -55,6 +55,8 @@ def imported(path: Path, choice: Choice) -> Imported:
     still: Sequence[str] = ()
     if isinstance(source, Table):
         source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
+        source, constant = without_constant(source, choice)
+        still = [*still, *constant]
         clock, moving, spans = source.clock, liveliest(source, choice), source.spans
     guess = guessed(source.series, choice, str(path), clock, moving, spans)
     samples = source.read([one.series for one in guess.columns], choice)
@@ -78,7 +80,7 @@ def imported(path: Path, choice: Choice) -> Imported:
         )
     check_servo(kept, parts, str(path))
     kept, parts, told = in_degrees(_of_axis(kept), parts, source.series)
-    notes += [*told, *doubts(kept, parts, source.series), *unused(kept, parts, source.series)]
+    notes += [*told, *doubts(kept, parts), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)
     if left := unnamed(kept, source.series, clock):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)

@@ -33,7 +33,7 @@ QUANTITIES = {
     "torque": {"torque", "torques", "effort", "efforts", "tau"},
     "force": {"force"},
     "displacement": {"displacement", "distance"},
-    "accel": {"accel", "acceleration", "acc", "accelerometer"},
+    "accel": {"accel", "acceleration", "acc", "accl", "accelerometer"},
     "current": {"current", "cur", "amps", "iq"},
 }
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]

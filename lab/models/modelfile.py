@@ -29,6 +29,7 @@ from lostmotion.drivers.textfile import TextFileError, read_text, shortened
 from lostmotion.drivers.toml_text import toml_value
 from lostmotion.lab.errors import EffectFileError, ModelFileError
 from lostmotion.lab.models.own import OwnEffect, is_reference, load_effect, reference
+from lostmotion.lab.quantity import of_axis
 from lostmotion.model import BASES, Model, ModelError, Parameter, build_model
 from lostmotion.model.effects.registry import find
 
@@ -89,7 +90,8 @@ def loads(text: str, where: str, folder: Path = Path()) -> ModelFile:
         file = _converted(toml_text.loads(text), _File)
         effects = tuple(load_effect(name, folder).id if is_reference(name) else name for name in file.effects)
         defaults = build_model(file.base, effects=effects).parameters
-        given = {name: _parameter(name, value, defaults) for name, value in _flat(file.parameters)}
+        is_joint = file.base == "joint"
+        given = {name: _parameter(name, value, defaults, is_joint) for name, value in _flat(file.parameters)}
         model = ModelFile(file.base, effects, given)
         model.build()
     except (toml_text.TomlError, ModelError, EffectFileError) as error:
@@ -153,8 +155,9 @@ def _told(message: str, table: Any) -> str:
     return f"{key}found {toml_text.at(table, path)!r:.60}, expected {expected.removeprefix('Expected ')}"
 
 
-def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> Parameter:
-    """The parameter that a file states; defaults: all parameters of the model.  Raises ModelError."""
+def _parameter(name: str, given: object, defaults: Mapping[str, Parameter], is_joint: bool) -> Parameter:
+    """The parameter that a file states; defaults: all parameters of the model; is_joint: whether its base also stands
+    for an axis along a line, whose units are N for N m.  Raises ModelError."""
     if name not in defaults:
         raise ModelError(f"no parameter is called {name!r}; there are {', '.join(defaults)}")
     default = defaults[name]
@@ -162,7 +165,8 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter]) -> P
     try:
         read = _converted(table, _Parameter)
         fixed = default.fixed if read.fixed is None else read.fixed
-        unit = default.unit if read.unit is None else read.unit
+        of_line = of_axis(default.unit, is_linear=True) if is_joint else default.unit
+        unit = default.unit if read.unit is None or read.unit == of_line else read.unit
         default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
         parameter = Parameter(read.value, unit, read.low, read.high, fixed)
         default.updated(parameter)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.daemon.cli_world import call
 
-T = np.arange(500) / 100
+T = np.arange(1000) / 100
 ANGLE = np.sin(3 * T) + 0.2 * np.sin(11 * T)
 SPEED = np.gradient(ANGLE, 0.01)
 
@@ -79,3 +79,17 @@ def test_whole_numbers_of_a_servo_are_refused_with_what_to_type(tmp_path: Path) 
     options = ["--map", "command=target pos (3)*0.00153398", "--map", "position=pos (3)*0.00153398"]
     assert f"use --map '{options[1]}' --map '{options[3]}', if degrees," in result.output
     assert "times 0.00153398 [rad]" in told(path, *options)
+
+
+def test_what_never_changes_is_no_position_beside_what_swings(tmp_path: Path) -> None:
+    """An angle that nobody measured is left out, and the axis of the accelerometer that swings is taken."""
+    axes = {"xAccl": 1000 + ANGLE, "yAccl": 300 * ANGLE, "zAccl": 0 * T}
+    path = saved(tmp_path / "pendulum.csv", {**axes, "newPosition": 0 * T, "time": T})
+    said = told(path)
+    assert "accel = yAccl" in said
+    assert "left out, as it never changes: newPosition" in said
+    result = call("lab", "explain", "joint", path)
+    assert "found accel, expected at least one of position" in result.output
+    assert "position = angle" in told(saved(path, {"time": T, "position": 0 * T, "angle": ANGLE}))
+    alone = saved(path, {"time": T, "position": 0 * T, "torque": ANGLE})
+    assert "position is flat at 0" in call("lab", "explain", "joint", alone).output

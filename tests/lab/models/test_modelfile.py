@@ -35,6 +35,20 @@ def test_the_format_as_documented() -> None:
     assert model.parameters["J2"] == build_model("play").parameters["J2"]
 
 
+def test_a_joint_may_be_an_axis_along_a_line() -> None:
+    """Its parameters may be given in N for N m, N s/m for N m s/rad and kg for kg m^2; others turn."""
+    effects = 'effects = ["viscous_friction", "coulomb_friction"]'
+    file = f'base = "{{}}"\n{effects}\n[parameters]\n{{}} = {{{{ value = 2, unit = "{{}}" }}}}'
+    units = {"viscous_friction.b_v": "N s/m", "coulomb_friction.tau_c": "N", "J": "kg"}
+    for name, unit in units.items():
+        turning = build_model("joint", effects=["viscous_friction", "coulomb_friction"]).parameters[name].unit
+        for given_unit in (unit, turning):
+            read = loads(file.format("joint", name, given_unit), "page").parameters[name]
+            assert (read.value, read.unit) == (2.0, turning)
+    with pytest.raises(ModelFileError, match="the unit is 'N', expected 'N m'"):
+        loads(file.format("play", "coulomb_friction.tau_c", "N"), "page")
+
+
 def test_the_unit_1_is_none() -> None:
     """A parameter without a unit may say so, one in metres may not; it was refused of both."""
     file = 'base = "play"\neffects = ["gear_eccentricity"]\n[parameters]\n{} = {{ value = 9, unit = "1" }}'
