@@ -32,6 +32,7 @@ from lostmotion.drivers.formats.text_layout import (
     layout_of,
     lines_of,
 )
+from lostmotion.drivers.formats.upright import upright
 from lostmotion.drivers.formats.words import UNNAMED
 
 __all__ = ["open_lines", "open_text"]
@@ -53,9 +54,10 @@ def open_text(path: Path) -> Table:
 
 def open_lines(name: str, kind: str, lines: Lines) -> Table:
     """A table of lines of text, whatever file they come from.  Raises RecordingError."""
-    lines = unpacked(unlabelled(lines))
+    lines, turned = upright(unpacked(unlabelled(lines)))
     layout, rows = layout_of(name, lines)
-    text = "PlotJuggler CSV" if "__time" in layout.header else f"text separated by {called(layout.separator)}"
+    text = "text with a series in each row" if turned else f"text separated by {called(layout.separator)}"
+    text = "PlotJuggler CSV" if "__time" in layout.header else text
     units = [
         layout.metadata.get(f"{title}_unit") or below for title, below in zip(layout.header, layout.units, strict=True)
     ]
@@ -65,6 +67,7 @@ def open_lines(name: str, kind: str, lines: Lines) -> Table:
         raise RecordingError(f"{name}: found text without a column of numbers, expected a table; is it a recording?")
     words = [layout.header[i] for i in range(len(layout.header)) if i not in numeric and _is_filled(rows, i)]
     left = [f"left out, as they hold words: {listed([Series(title) for title in words])}"] * bool(words)
+    left += [turned] * bool(turned)
     notes = list(left)
 
     def load(names: Sequence[str]) -> Mapping[str, NDArray[Any]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lostmotion.drivers.recording import read_recording
 from tests.daemon.cli_world import call
 
 T = np.arange(1000) / 100
@@ -93,3 +94,19 @@ def test_what_never_changes_is_no_position_beside_what_swings(tmp_path: Path) ->
     assert "position = angle" in told(saved(path, {"time": T, "position": 0 * T, "angle": ANGLE}))
     alone = saved(path, {"time": T, "position": 0 * T, "torque": ANGLE})
     assert "position is flat at 0" in call("lab", "explain", "joint", alone).output
+
+
+@pytest.mark.parametrize(("names", "sign"), [([], ","), (["time", "angle", "torque"], ";"), ([], " ")])
+def test_a_matrix_on_its_side_is_read_row_by_row(names: list[str], sign: str, tmp_path: Path) -> None:
+    """Three rows of a thousand numbers are three series, and are said to be; their first cells may be names."""
+    lines = [
+        sign.join([*names[at : at + 1], *(f"{value:.6f}" for value in row)]) for at, row in enumerate((T, ANGLE, T))
+    ]
+    path = tmp_path / "matrix.csv"
+    path.write_text("\n".join(lines) + "\n")
+    said = told(path, *(["--map", "position=column2"] if not names else []))
+    assert f"3 rows of {T.size + bool(names)} numbers each: every row is read as a column" in said
+    assert f"position = {'angle' if names else 'column2'}" in said
+    imported = tmp_path / "out.csv"
+    assert call("import", path, "-o", imported, *(["--map", "position=column2"] if not names else [])).exit_code == 0
+    assert read_recording(imported).columns["position"] == pytest.approx(ANGLE, abs=1e-5)
