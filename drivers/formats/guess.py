@@ -191,21 +191,24 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
         given = f"{mapped('time', rising, moving['steps'])} {mapped('position', moves, unit)}"
         return f"{given}, or without times, if there are 100 rows a second, {without}"
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
-    first, *rest = sorted(names, key=lambda one: (is_input(one), has_input and one != "y")) or ["SERIES"]
+    first, *rest = sorted(names, key=lambda one: (_may_drive(one), has_input and one != "y")) or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped(column, first)
     is_speed = re.search("velo|speed", first, re.IGNORECASE)
-    unit = (
-        ""
-        if unit_of(first, "position")
-        else ":rad/s"
-        if is_speed
-        else _degrees(known.get(first, (-math.inf, math.inf)))
-    )
-    drives = [one for one in rest if is_input(one)] or rest
+    drives = [one for one in rest if _may_drive(one)] or rest
+    if unit_of(first, "position") or FORCE in drives[:1]:
+        unit = ""
+    else:
+        unit = ":rad/s" if is_speed else _degrees(known.get(first, (-math.inf, math.inf)))
+    driven = "force" if FORCE in drives[:1] else "torque"
     return ", and ".join(
-        [mapped("position", first, unit), *(f"a torque {mapped('torque', one)}" for one in drives[:1])]
+        [mapped("position", first, unit), *(f"a {driven} {mapped(driven, one)}" for one in drives[:1])]
     )
+
+
+def _may_drive(name: str) -> bool:
+    """Whether a name is that of a motor's input, or the symbol of a force."""
+    return is_input(name) or name == FORCE
 
 
 def _degrees(span: tuple[float, float]) -> str:

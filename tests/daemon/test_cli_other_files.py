@@ -63,9 +63,12 @@ def test_a_displacement_without_a_name_is_found_by_its_speed(tmp_path: Path) -> 
         "V": SPEED,
         "F": 9 * np.sign(SPEED),
     }
-    said = told(saved(tmp_path / "damper.csv", columns))
+    said = told(path := saved(tmp_path / "damper.csv", columns))
     assert "position = D  (m; V is how fast it changes)" in said
     assert "force = F  (N" in said
+    del columns["V"], columns["A"]
+    said = told(saved(path, columns | {"Y": 20 * ANGLE}))
+    assert "as in --map position=D, and a force --map force=F (rad" in said
 
 
 def test_whole_numbers_of_a_servo_are_refused_with_what_to_type(tmp_path: Path) -> None:
