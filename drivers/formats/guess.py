@@ -17,6 +17,7 @@ from lostmotion.drivers.formats.words import (
     is_commanded,
     is_estimated,
     is_input,
+    is_other,
     is_reached,
     is_time,
     joint_of,
@@ -99,9 +100,13 @@ def guessed(
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
     more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen, notes = chosen | more, notes + told
-    rest, others = _unnamed(series, clock), [one for one in series if not is_time(one.name)]
-    if not chosen and len(rest) == 1 and (len(others) == 1 or not is_input(rest[0].name)):
-        chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), "the only series beside the time")
+    used = {one.series for one in chosen.values()}
+    rest = [one for one in _unnamed(series, clock) if one.name not in used]
+    if {*chosen} <= {"command"} and len(rest) == 1 and not MOTIONS & {*choice.terms}:
+        others = [one for one in series if not is_time(one.name)]
+        if len(others) == 1 or not (is_input(rest[0].name) or (chosen and is_other(rest[0].name))):
+            why = f"the only series beside the time{' and the command' * len(chosen)}"
+            chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), why)
     if not chosen:
         advice = _several(notes) or _advice(series, clock, moving or {}, spans)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")

@@ -77,7 +77,7 @@ def _ascends_by(step: float, vector: NDArray[np.generic]) -> bool:
     if vector.dtype.kind not in "iuf":
         return False
     many = np.diff(np.asarray(vector, dtype=np.float64)) / step
-    whole = round(float(np.median(many)))
+    whole = round(float(np.median(many))) if np.isfinite(many).all() else 0
     return whole >= 1 and bool(np.abs(many - whole).max() < EVEN * whole)
 
 

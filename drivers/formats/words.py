@@ -10,8 +10,8 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
-    "is_estimated", "is_gyroscope", "is_input", "is_reached", "is_run", "is_sent", "is_time", "joint_of", "rate_of",
-    "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
+    "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run", "is_sent", "is_time", "joint_of",
+    "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -188,6 +188,11 @@ def is_input(name: str) -> bool:
     """Whether a series is the input of a motor, of no quantity that has a column: ``u``, ``pwm``, ``control_input``."""
     words = set(_words(name))
     return bool(words & INPUT) and column_of(name) is None and not words & (OTHER - INPUT | COMMAND)
+
+
+def is_other(name: str) -> bool:
+    """Whether a name says a quantity that has no column, as that of an error."""
+    return bool({*_words(name)} & OTHER)
 
 
 def is_sent(name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -113,3 +114,16 @@ def test_a_matrix_on_its_side_is_read_row_by_row(names: list[str], sign: str, tm
     imported = tmp_path / "out.csv"
     assert call("import", path, "-o", imported, *(["--map", "position=column2"] if not names else [])).exit_code == 0
     assert read_recording(imported).columns["position"] == pytest.approx(ANGLE, abs=1e-5)
+
+
+def test_what_is_recorded_beside_a_command_is_the_position(tmp_path: Path) -> None:
+    """Two lists in JSON, at a rate that stands beside them; readings that were lost are null."""
+    path = tmp_path / "run.json"
+    sensed: list[float | None] = [*ANGLE.tolist()[:-1], None]
+    held = {"config": {"action_hz": 50}, "data": [{"type": "chirp", "actions": ANGLE.tolist(), "sensor_data": sensed}]}
+    path.write_text(json.dumps(held))
+    said = told(path)
+    assert "50 rows a second, as config.action_hz says" in said
+    assert "command = data.actions" in said
+    assert "position = data.sensor_data" in said
+    assert "position = " not in told(saved(tmp_path / "error.csv", {"t": T, "goal": ANGLE, "error": 0.1 * ANGLE}))
