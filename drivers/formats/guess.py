@@ -100,13 +100,7 @@ def guessed(
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
     more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen, notes = chosen | more, notes + told
-    used = {one.series for one in chosen.values()}
-    rest = [one for one in _unnamed(series, clock) if one.name not in used]
-    if {*chosen} <= {"command"} and len(rest) == 1 and not MOTIONS & {*choice.terms}:
-        others = [one for one in series if not is_time(one.name)]
-        if len(others) == 1 or not (is_input(rest[0].name) or (chosen and is_other(rest[0].name))):
-            why = f"the only series beside the time{' and the command' * len(chosen)}"
-            chosen["position"] = _chosen("position", rest[0], Term(rest[0].name), why)
+    chosen |= _eliminated(series, choice, clock, chosen)
     if not chosen:
         advice = _several(notes) or _advice(series, clock, moving or {}, spans)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
@@ -114,6 +108,22 @@ def guessed(
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
         notes.append(f"not used: {listed(left)}")
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+
+
+def _eliminated(
+    series: Sequence[Series], choice: Choice, clock: str, chosen: Mapping[str, Chosen]
+) -> dict[str, Chosen]:
+    """The position, where it is the only series beside the time, or beside the time and a command."""
+    used = {one.series for one in chosen.values()}
+    rest = [one for one in _unnamed(series, clock) if one.name not in used]
+    if {*chosen} - {"command"} or len(rest) != 1 or MOTIONS & {*choice.terms}:
+        return {}
+    (one,) = rest
+    is_alone = sum(not is_time(each.name) for each in series) == 1
+    if not is_alone and (is_input(one.name) or (chosen and is_other(one.name))):
+        return {}
+    why = f"the only series beside the time{' and the command' * len(chosen)}"
+    return {"position": _chosen("position", one, Term(one.name), why)}
 
 
 def _several(notes: Sequence[str]) -> str:

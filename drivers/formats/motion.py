@@ -208,7 +208,10 @@ def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
     named = [name for name in angles if joint_of(name) and any(map(str.isalpha, _bare(without_joint(name))))]
     named = _of_most_joints(named)
     joints = {joint_of(name) for name in named}
-    if choice.joint or choice.hint in joints or len(joints) < 2:
+    is_chosen = (
+        choice.joint or choice.hint in joints or any(choice.terms[each].name for each in {*turning} & {*choice.terms})
+    )
+    if is_chosen or len(joints) < 2:
         return table, []
     shares = _shares({name: np.asarray(values, dtype=float) for name, values in table.load(named).items()})
     moving = {joint_of(name) for name, share in shares.items() if share > LITTLE}

@@ -60,24 +60,8 @@ def imported(path: Path, choice: Choice) -> Imported:
         clock, moving, spans = source.clock, liveliest(source, choice), source.spans
     guess = guessed(source.series, choice, str(path), clock, moving, spans)
     samples = source.read([one.series for one in guess.columns], choice)
-    notes = [*source.notes, *samples.notes, *still, *guess.notes]
-    parts, kept = [], []
-    for one in guess.columns:
-        times, values = samples.values[one.series]
-        if values.size == 0 and one.why != "given":
-            notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
-            continue
-        values = _converted(one, values, str(path))
-        if one.column in MOTIONS and one.si in INTEGRAL:
-            values, note = _integrated(one, times, values)
-            one, notes = replace(one, si=INTEGRAL[one.si]), [*notes, note]
-        parts.append((times, values))
-        kept.append(one)
-    if not any(times.size for times, _ in parts):
-        raise RecordingError(
-            f"{path}: found no numbers in {', '.join(shown(one.series) for one in guess.columns)}, expected samples; "
-            "was the recording stopped at once?"
-        )
+    kept, parts, told = _filled(guess.columns, samples, str(path))
+    notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
     check_servo(kept, parts, str(path))
     kept, parts, told = in_degrees(_of_axis(kept), parts, source.series)
     notes += [*told, *doubts(kept, parts), *unused(kept, parts, source.series)]
@@ -90,6 +74,31 @@ def imported(path: Path, choice: Choice) -> Imported:
     time, columns = _merged(kept, parts)
     recording = Recording(time, columns, metadata, name=str(path))
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
+
+
+def _filled(columns: Sequence[Chosen], samples: Samples, name: str) -> tuple[list[Chosen], list[Part], list[str]]:
+    """The columns that hold numbers, their times and values in SI units, and what a person should know of them.
+
+    Raises RecordingError.
+    """
+    parts, kept, notes = list[Part](), list[Chosen](), list[str]()
+    for one in columns:
+        times, values = samples.values[one.series]
+        if values.size == 0 and one.why != "given":
+            notes.append(f"{one.column}: left out, {shown(one.series)} holds no numbers")
+            continue
+        values = _converted(one, values, name)
+        if one.column in MOTIONS and one.si in INTEGRAL:
+            values, note = _integrated(one, times, values)
+            one, notes = replace(one, si=INTEGRAL[one.si]), [*notes, note]
+        parts.append((times, values))
+        kept.append(one)
+    if not any(times.size for times, _ in parts):
+        raise RecordingError(
+            f"{name}: found no numbers in {', '.join(shown(one.series) for one in columns)}, expected samples; "
+            "was the recording stopped at once?"
+        )
+    return kept, parts, notes
 
 
 def _of_axis(chosen: Sequence[Chosen]) -> list[Chosen]:

@@ -50,6 +50,7 @@ def test_of_several_joints_the_one_that_turns_is_taken(tmp_path: Path) -> None:
     said = told(tmp_path / "arm.npz")
     assert "position = q[0]" in said
     assert "taken is 0, which moves most by far; not 1, 2" in said
+    assert "position = q[1]" in told(tmp_path / "arm.npz", "--map", "position=q[1]")
     np.savez(tmp_path / "arm.npz", time=T, q_cmd=goals)
     assert "choose with --joint NAME (or FILE#joint=NAME) from 0, 1, 2" in told(tmp_path / "arm.npz")
 
