@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -176,22 +176,20 @@ def with_angle(table: Table, choice: Choice) -> Table:
     return replace(table, series=[*table.series, Series(FILMED, "rad")], load=load)
 
 
-def without_constant(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:
-    """The table without the motions by their names that never change, where something else moves, if no joint was
-    chosen; and a note of them."""
-    others = [
-        one.name for one in table.series if one.unit != DATE and one.name != table.clock and not is_time(one.name)
-    ]
-    named = [name for name in others if column_of(name) in MOTIONS]
-    if choice.joint or choice.hint or MOTIONS & {*choice.terms} or not named:
-        return table, []
-    still = [name for name, values in table.load(named).items() if not _changes(np.asarray(values, dtype=float))]
-    may_move = [name for name in others if name not in still and column_of(name) in {None, "accel", *MOTIONS}]
-    loaded = table.load(may_move[:MOST_LOOKED_AT]) if still else {}
+def without_constant(table: Table, choice: Choice, still: Collection[str]) -> Table:
+    """The table without these motions by their names, which never change, where something else moves and no joint was
+    chosen; else as it is."""
+    if choice.joint or choice.hint or MOTIONS & {*choice.terms}:
+        return table
+    names = [one.name for one in table.series if one.unit != DATE and one.name != table.clock and not is_time(one.name)]
+    may_move = [name for name in names if name not in still and column_of(name) in {None, "accel", *MOTIONS}]
+    loaded = table.load(may_move[:MOST_LOOKED_AT])
     if not any(_moves(name, np.asarray(values, dtype=float)) for name, values in loaded.items()):
-        return table, []
-    series = [each for each in table.series if each.name not in still]
-    return replace(table, series=series), [f"left out, as it never changes: {shown(name)}" for name in still]
+        return table
+    notes = [f"left out, as it never changes: {shown(name)}" for name in still]
+    return replace(
+        table, series=[each for each in table.series if each.name not in still], notes=[*table.notes, *notes]
+    )
 
 
 def _moves(name: str, values: FloatArray) -> bool:

@@ -15,11 +15,11 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.goal import goals
-from lostmotion.drivers.formats.guess import MOTIONS, Chosen, guessed, unknown
+from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_constant, without_still
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
-from lostmotion.drivers.formats.source import Choice, Part, Samples, shown
+from lostmotion.drivers.formats.source import Choice, Part, Samples, Source, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
@@ -51,15 +51,13 @@ class Imported:
 def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
-    clock, moving, spans = "", {}, unknown
     still: Sequence[str] = ()
     if isinstance(source, Table):
         source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
-        source, constant = without_constant(source, choice)
-        still = [*still, *constant]
-        clock, moving, spans = source.clock, liveliest(source, choice), source.spans
-    guess = guessed(source.series, choice, str(path), clock, moving, spans)
-    samples = source.read([one.series for one in guess.columns], choice)
+    guess, samples, clock = _guessed(source, choice, path)
+    if isinstance(source, Table) and (constant := _constant(guess, samples)):
+        source = without_constant(source, choice, constant)
+        guess, samples, clock = _guessed(source, choice, path)
     kept, parts, told = _filled(guess.columns, samples, str(path))
     notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
     check_servo(kept, parts, str(path))
@@ -74,6 +72,24 @@ def imported(path: Path, choice: Choice) -> Imported:
     time, columns = _merged(kept, parts)
     recording = Recording(time, columns, metadata, name=str(path))
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
+
+
+def _guessed(source: Source, choice: Choice, path: Path) -> tuple[Guess, Samples, str]:
+    """What becomes a column, its samples, and the series that is the time although its name does not say so.
+
+    Raises RecordingError.
+    """
+    clock, moving, spans = "", {}, unknown
+    if isinstance(source, Table):
+        clock, moving, spans = source.clock, liveliest(source, choice), source.spans
+    guess = guessed(source.series, choice, str(path), clock, moving, spans)
+    return guess, source.read([one.series for one in guess.columns], choice), clock
+
+
+def _constant(guess: Guess, samples: Samples) -> list[str]:
+    """The series of motions that never change, of those that were taken by their names."""
+    named = [one.series for one in guess.columns if one.column in MOTIONS and one.why == "by its name"]
+    return [name for name in named if (values := samples.values[name][1]).size and not np.ptp(values) > 0]
 
 
 def _filled(columns: Sequence[Chosen], samples: Samples, name: str) -> tuple[list[Chosen], list[Part], list[str]]:
