@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from lostmotion.lab.fitting.fit import rms_by_column
 from lostmotion.lab.gears.unseen import Unseen
 from lostmotion.lab.results import InputLimit
 from lostmotion.lab.shooting.task import DITHER, Task
-from lostmotion.model import Model, Sampled
+from lostmotion.model import Model, ModelError, Sampled
 
 __all__ = ["InputError", "input_error"]
 
@@ -55,10 +56,12 @@ def input_error(model: Model, experiment: Experiment, noise: Mapping[str, float]
     """The error of an experiment that its input causes, if the motion is that of the model.
 
     The model moves with another input that the readings tell as well.  With the present input this motion is then
-    predicted in segments with fitted initial states.  noise: root mean square of the noise of each column.
+    predicted in segments with fitted initial states.  An input in closed form has no error, and that of a model which
+    cannot be simulated is not known.  noise: root mean square of the noise of each column.
     """
-    errors = _errors(model, _moved(model, experiment), dict(noise), pool)
-    shortest, columns = next(errors)
+    made = _moved(model, experiment)
+    errors = _errors(model, made, dict(noise), pool) if made else iter(())
+    shortest, columns = next(errors, (np.inf, dict.fromkeys(noise, 0.0)))
     least = {name: max(noise[name], DITHER * error) / TOLERATED for name, error in columns.items()}
     longest_s = shortest
     for length_s, longer in errors:
@@ -77,15 +80,22 @@ def _errors(
         length_s = made.duration / 2**halvings
         found = Unseen(made, task, length_s, pool).validate(model)
         parts = [rms_by_column([pair]) for pair in zip(found.segments, found.parts, strict=True)]
-        yield length_s, {name: float(np.median([part[name] for part in parts if name in part])) for name in noise}
+        errors = {name: float(np.median([part[name] for part in parts if name in part])) for name in noise}
+        if not np.isfinite(list(errors.values())).all():
+            return
+        yield length_s, errors
 
 
-def _moved(model: Model, experiment: Experiment) -> Experiment:
-    """The experiment with the motion that the model makes of its input, and with another input."""
-    assert isinstance(experiment.drive, Sampled)
-    moved = experiment.model(model).simulate(experiment.drive, experiment.time)
-    measured = {
-        name: np.where(np.isfinite(values), moved[name], np.nan) for name, values in experiment.measured.items()
-    }
-    drive = drawn_again(experiment.drive, experiment.drive_step, np.random.default_rng(0))
-    return replace(experiment, drive=drive, measured=measured)
+def _moved(model: Model, experiment: Experiment) -> Experiment | None:
+    """The experiment with the motion that the model makes of its input, and with another input; None where it cannot be
+    simulated, or the input is no recorded one."""
+    if not isinstance(experiment.drive, Sampled):
+        return None
+    with suppress(ModelError):
+        moved = experiment.model(model).simulate(experiment.drive, experiment.time)
+        measured = {
+            name: np.where(np.isfinite(values), moved[name], np.nan) for name, values in experiment.measured.items()
+        }
+        drive = drawn_again(experiment.drive, experiment.drive_step, np.random.default_rng(0))
+        return replace(experiment, drive=drive, measured=measured)
+    return None

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from lostmotion.daemon.cli import cli
+from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.gears.input_error import input_error
+from lostmotion.model import build_model
+from lostmotion.model.motion import Sine
 
 STEP = 1.534e-3
 """of a servo with 12 bits [rad]"""
@@ -46,6 +52,17 @@ def explained(model: str, paths: list[str]) -> dict[str, object]:
     ran = CliRunner().invoke(cli, ["lab", "explain", model, *paths, "--json"])
     assert ran.exit_code == 0, ran.stderr
     return dict(json.loads(ran.stdout))
+
+
+def test_an_input_in_closed_form_has_no_error() -> None:
+    """As of an experiment that a program makes."""
+    times = np.arange(0.0, 1.0, 1e-3)
+    model, drive = build_model("play"), Sine(0.2, 1.5)
+    made = Experiment("made", drive, times, {"accel": np.array(model.simulate(drive, times)["accel"])})
+    with ThreadPoolExecutor(1) as pool:
+        found = input_error(model, made, {"accel": 0.1}, pool)
+    assert (found.columns, found.longest_s) == ({"accel": 0.0}, np.inf)
+    assert found.limit(made, {"accel": 0.1}) is None
 
 
 @pytest.mark.slow
