@@ -56,12 +56,14 @@ def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experimen
     for a ModelError within the block, where model and recordings cannot be used together."""
     from lostmotion.lab.data.experiment import experiments
     from lostmotion.lab.data.readings import warn_of_units
+    from lostmotion.lab.data.stated_bar import bar_of
     from lostmotion.lab.errors import ExperimentError
     from lostmotion.lab.models import modelfile
     from lostmotion.model import ModelError
 
-    built, read = modelfile.load(model).build(), recordings.read()
+    file, read = modelfile.load(model), recordings.read()
     try:
+        built = file.build(bar_of(file.build(), read))
         with _merged_warnings():
             for recording in read:
                 warn_of_units(recording)

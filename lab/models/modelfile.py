@@ -18,6 +18,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import msgspec
@@ -46,9 +47,10 @@ class ModelFile:
     effects: tuple[str, ...] = ()
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
 
-    def build(self) -> Model:
-        """The model, with defaults for parameters that are not stated.  Raises ModelError."""
-        return build_model(self.base, effects=self.effects, values=self.parameters)
+    def build(self, usual: Mapping[str, float] = MappingProxyType({})) -> Model:
+        """The model.  Of parameters that the file does not state it has the usual values, or else the defaults.  Raises
+        ModelError."""
+        return build_model(self.base, effects=self.effects, values={**usual, **self.parameters})
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
