@@ -27,7 +27,6 @@ from lostmotion.daemon.commands.options import (
     duration,
     joint,
     positive,
-    refuse_two_documents,
     resonance,
     since,
     statistic,
@@ -35,6 +34,7 @@ from lostmotion.daemon.commands.options import (
     trend_of,
     until,
 )
+from lostmotion.drivers.pipes import refuse_two_documents
 
 __all__ = ["cli", "main"]
 

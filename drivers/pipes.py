@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-__all__ = ["STANDARD", "from_input", "to_output"]
+__all__ = ["STANDARD", "from_input", "refuse_two_documents", "to_output"]
 
 STANDARD = Path("-")
 
@@ -38,3 +38,11 @@ def to_output() -> Iterator[Path]:
         with path.open("rb") as file:
             shutil.copyfileobj(file, sys.stdout.buffer)
         sys.stdout.buffer.flush()
+
+
+def refuse_two_documents(output: Path | None, as_json: bool) -> None:
+    """Raises UsageError where a file and a JSON document are both to go to standard output."""
+    from click import UsageError
+
+    if as_json and output == STANDARD:
+        raise UsageError("found --json and -o -, expected one of them: both write to standard output")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lostmotion.drivers.pipes import refuse_two_documents
 from lostmotion.lab.commands.options import json_option
 from lostmotion.lab.commands.table import print_table
 
@@ -44,8 +45,7 @@ def simulate(model: str, output: Path, as_json: bool, **options: Any) -> None:
     from lostmotion.lab.models import modelfile
     from lostmotion.lab.models.simulate import Simulation
 
-    if as_json and str(output) == "-":
-        raise click.UsageError("found --json and -o -, expected one of them: both write to standard output")
+    refuse_two_documents(output, as_json)
     simulation = Simulation(modelfile.load(model), **options)
     recording = simulation.recording(list(_progress(simulation)))
     write_recording(recording, output)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lostmotion.daemon.commands.options import FILE, READABLE, as_json, refuse_two_documents
+from lostmotion.daemon.commands.options import FILE, READABLE, as_json
 from lostmotion.drivers.errors import LostmotionError
 
 __all__ = ["ExportError", "export"]
@@ -28,7 +28,7 @@ def export(recording: Path, output: Path, joint: str | None, as_json: bool) -> N
     REC - is stdin.  An existing FILE is replaced, once all is written.
     """
     from lostmotion.daemon.commands.output import print_json
-    from lostmotion.drivers.pipes import STANDARD
+    from lostmotion.drivers.pipes import STANDARD, refuse_two_documents
     from lostmotion.drivers.recording import read_recording, replaced
 
     refuse_two_documents(output, as_json)

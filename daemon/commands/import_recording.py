@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lostmotion.daemon.commands.options import FILE, READABLE, as_json, refuse_two_documents
+from lostmotion.daemon.commands.options import FILE, READABLE, as_json
+from lostmotion.drivers.pipes import refuse_two_documents
 
 if TYPE_CHECKING:
     from lostmotion.drivers.formats.read import Imported

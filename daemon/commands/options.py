@@ -27,7 +27,6 @@ __all__ = [
     "joint",
     "moment",
     "positive",
-    "refuse_two_documents",
     "resonance",
     "since",
     "statistic",
@@ -98,12 +97,6 @@ class _Readable(click.Path):
 
 
 READABLE = _Readable(path_type=Path)
-
-
-def refuse_two_documents(output: Path | None, as_json: bool) -> None:
-    """Raises UsageError where a file and a JSON document are both to go to standard output."""
-    if as_json and output is not None and str(output) == "-":
-        raise click.UsageError("found --json and -o -, expected one of them: both write to standard output")
 
 
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else there.")

@@ -175,7 +175,8 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         recording = readings.without_lost_readings(recording)
     column = _input(model.base, recording, of_motor)
     recording = readings.without_held_readings(recording, outputs, column)
-    drive = _drive(model.base, recording, column)
+    step = rounding_step(recording.columns[column]) if model.base == "play" and is_sampled(recording, column) else 0.0
+    drive = _drive(model.base, recording, column, step)
     if model.base == "servo":
         _check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
@@ -192,7 +193,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
         _drive_unit(model.base, recording, column) if drive is not None else "",
-        rounding_step(recording.columns[column]) if model.base == "play" else 0.0,
+        step,
     )  # fmt: skip
 
 
@@ -217,7 +218,8 @@ def _there(recording: Recording) -> str:
     return ", ".join(name for name in recording.columns if is_sampled(recording, name)) or "no samples"
 
 
-def _drive(base: str, recording: Recording, column: str) -> Motion | None:
+def _drive(base: str, recording: Recording, column: str, step: float) -> Motion | None:
+    """The input; step: to which the command of gears was rounded."""
     if not is_sampled(recording, column):
         if base in NEEDS_INPUT:
             raise ExperimentError(
@@ -242,7 +244,8 @@ def _drive(base: str, recording: Recording, column: str) -> Motion | None:
             f"{recording.name}: samples of {column} between two gaps: found {longest.stop - longest.start} at most, "
             f"expected at least {LEAST_SAMPLES}"
         )
-    return (smooth_motion if base == "play" else Sampled)(time[longest], values[longest])
+    time, values = time[longest], values[longest]
+    return smooth_motion(time, values, step) if base == "play" else Sampled(time, values)
 
 
 def _input(base: str, recording: Recording, of_motor: bool) -> str:

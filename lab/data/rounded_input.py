@@ -40,15 +40,15 @@ def rounding_step(values: FloatArray) -> float:
     return step if np.abs(levels - np.round(levels)).max() < OFF_GRID else 0.0
 
 
-def smooth_motion(time: FloatArray, values: FloatArray) -> Sampled:
-    """The motion whose positions were read as these values (N,), at these times (N,) [s].
+def smooth_motion(time: FloatArray, values: FloatArray, step: float) -> Sampled:
+    """The motion whose positions were read as these values (N,), at these times (N,) [s]; step: to which they were
+    rounded, 0 for none.
 
     Values with steps of q have errors of variance q²/12.  The motion f is the penalised spline (Eilers and Marx,
     Statistical Science 11, 1996, 89-121) with this mean square error (Reinsch, Numerische Mathematik 10, 1967,
     177-183).  Cross-validation follows the steps where the motion is slow, as the errors are not independent there:
     1.3 mrad are left of steps of 5.1 mrad, and 0.5 mrad this way.
     """
-    step = rounding_step(values)
     return Sampled(time, _smoothed(time, values, step) if step else values, DEGREE)
 
 

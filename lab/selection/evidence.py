@@ -90,8 +90,7 @@ class Predictions:
     @property
     def is_preferred(self) -> bool:
         """Whether the second fit predicts significantly better, both in the sum of the squared errors and in most
-        blocks.  With dry friction, most blocks of a damper were a little worse, and the sum 21 %
-        less."""
+        blocks.  With dry friction most blocks of a damper were a little worse, and the sum was 21 % less."""
         return self.gain > 0 and self.p_value < policy.FALSE_NAME
 
     def is_better(self, tried: float = 1.0) -> bool:

@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import termios
+from collections.abc import Mapping
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -81,10 +82,16 @@ def call(*arguments: str | Path) -> Result:
 
 def in_terminal(width: int, *arguments: str | Path) -> str:
     """What the program shows in a terminal of so many columns, without colours."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    return re.sub(r"\x1b\[[0-9;]*m|\r", "", shown(kept | {"TERM": "xterm"}, *arguments, width=width))
+
+
+def shown(environment: Mapping[str, str], *arguments: str | Path, width: int | None = None) -> str:
+    """What the program sends to a terminal, of so many columns where that is given."""
     master, slave = pty.openpty()
-    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
-    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, width, 0, 0))
-    process = subprocess.Popen([*PROGRAM, *map(str, arguments)], stdout=slave, env=environment | {"TERM": "xterm"})
+    if width is not None:
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, width, 0, 0))
+    process = subprocess.Popen([*PROGRAM, *map(str, arguments)], stdout=slave, env=environment)
     os.close(slave)
     text = b""
     with suppress(OSError):  # the end of a pseudo-terminal
@@ -92,7 +99,7 @@ def in_terminal(width: int, *arguments: str | Path) -> str:
             text += piece
     os.close(master)
     assert process.wait(60) == 0
-    return re.sub(r"\x1b\[[0-9;]*m|\r", "", text.decode())
+    return text.decode()
 
 
 def start(*arguments: str | Path, folder: Path) -> subprocess.Popen[str]:

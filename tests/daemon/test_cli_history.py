@@ -7,11 +7,9 @@ import io
 import json
 import math
 import os
-import pty
 import re
-import subprocess
 import sys
-from contextlib import closing, suppress
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -37,7 +35,7 @@ from lostmotion.daemon.records import (
 from lostmotion.daemon.store import Store
 from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.daemon.times import TimeError, ago, parse, span
-from tests.daemon.cli_world import HARDWARE, PROGRAM, SIMULATED, START, call, fill, is_one_line
+from tests.daemon.cli_world import HARDWARE, SIMULATED, START, call, fill, is_one_line, shown
 from tests.daemon.conftest import wait_until
 
 
@@ -455,18 +453,9 @@ def test_trend_in_a_terminal_without_colours(
 ) -> None:
     """TERM=dumb gets no escape codes, neither in the words nor in the plot."""
     monkeypatch.delenv("NO_COLOR", raising=False)
-    master, slave = pty.openpty()
-    command = [*PROGRAM, "trend", "elbow", "--of", "score", "--database", str(database)]
-    process = subprocess.Popen(command, stdout=slave, env=os.environ | {"TERM": term})
-    os.close(slave)
-    text = b""
-    with suppress(OSError):  # the end of a pseudo-terminal
-        while piece := os.read(master, 65536):
-            text += piece
-    os.close(master)
-    assert process.wait(60) == 0
-    assert b"slope" in text
-    assert (b"\x1b" in text) is is_coloured
+    text = shown(os.environ | {"TERM": term}, "trend", "elbow", "--of", "score", "--database", database)
+    assert "slope" in text
+    assert ("\x1b" in text) is is_coloured
 
 
 def test_a_score_beyond_all_bounds_is_short() -> None:
