@@ -57,4 +57,5 @@ def compile_models() -> None:
                 continue
     long = np.arange(400) / 100
     swing = Signals.of(Experiment("", None, long, {"position": np.sin(6 * long)}))
-    acceleration(build_model("joint"), swing, swing.torque)
+    for effects in ([], ["presliding_friction"]):
+        acceleration(build_model("joint", effects), swing, swing.torque)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import acceleration, inertia_of
+from lostmotion.lab.inverse.torques import accelerations, inertia_of
 from lostmotion.model import Model
 from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
@@ -161,10 +161,18 @@ class InverseModel(Problem):
     def needed(self, model: Model, zeros: FloatArray | None = None) -> list[FloatArray]:
         """The torque that each motion needs with this model: J theta_2'' less the torques of bias and effects, (N,)
         each [N m]."""
+        nothing = np.zeros(len(self.signals))
+        return [one[0] for one in self._needed_by([(model, nothing if zeros is None else zeros)])]
+
+    def _needed_by(self, points: Sequence[Point]) -> list[FloatArray]:
+        """The same of several models with their zero angles (K, N)."""
         found = []
-        for one, load in zip(self.signals if zeros is None else self.shifted(zeros), self.transmitted, strict=True):
-            own = one.experiment.model(model)
-            found.append(inertia_of(own) * (one.acceleration - acceleration(own, one, load)) + load)
+        moved = zip(*[self.shifted(zeros) for _, zeros in points], strict=True)
+        for signals, load in zip(moved, self.transmitted, strict=True):
+            own = [one.experiment.model(model) for one, (model, _) in zip(signals, points, strict=True)]
+            measured = np.array([one.acceleration for one in signals])
+            inertia = np.array([inertia_of(model) for model in own])[:, None]
+            found.append(inertia * (measured - accelerations(own, signals, load)) + load)
         return found
 
     def shifted(self, zeros: FloatArray) -> tuple[Signals, ...]:
@@ -188,9 +196,8 @@ class InverseModel(Problem):
 
     def misfits(self, points: Sequence[Point]) -> FloatArray:
         """Measured less modelled torque within the band, all recordings one after the other (K, M) [N m]."""
-        torques = zip(*[self.needed(*point) for point in points], strict=True)
-        pairs = zip(self.signals, torques, strict=True)
-        return np.concatenate([one.filtered(one.torque - np.array(each)) for one, each in pairs], axis=1)
+        pairs = zip(self.signals, self._needed_by(points), strict=True)
+        return np.concatenate([one.filtered(one.torque - each) for one, each in pairs], axis=1)
 
     @property
     def estimated_before(self) -> FloatArray:
@@ -256,8 +263,8 @@ class EquationError(InverseModel):
         """Measured less modelled acceleration within the band, all recordings one after the other (K, M) [rad/s²]."""
         found = []
         for one, drive in zip(self.signals, self.transmitted, strict=True):
-            each = [acceleration(one.experiment.model(model), one, drive) for model, _ in points]
-            found.append(one.filtered(one.acceleration - np.array(each)))
+            own = [one.experiment.model(model) for model, _ in points]
+            found.append(one.filtered(one.acceleration - accelerations(own, [one] * len(own), drive)))
         return np.concatenate(found, axis=1)
 
     def signal_rms(self, model: Model) -> float:

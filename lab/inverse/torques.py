@@ -23,12 +23,13 @@ from lostmotion.model.assemble import scope
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.kernel import OPTIONS, compiled
-from lostmotion.model.lanes import LANES
+from lostmotion.model.lanes import LANES, batches
 from lostmotion.model.motion import FloatArray
-from lostmotion.model.rk4 import Work, beside, load, memory, rates, terms, work_for
+from lostmotion.model.rk4 import Plan, Values, Work, beside, lanes_for, load, memory, rates, terms, work_for
 
 __all__ = [
-    "acceleration", "can_invert", "follows_motion", "inertia_of", "noise_floor", "simulable", "softened",
+    "acceleration", "accelerations", "can_invert", "follows_motion", "inertia_of", "noise_floor", "simulable",
+    "softened",
 ]  # fmt: skip
 
 
@@ -72,45 +73,60 @@ def acceleration(model: Model, signals: Signals, drive: FloatArray) -> FloatArra
 
     drive: (N,) the input at the signals' times.
     """
-    found = np.empty(signals.time.size)
-    plan = model.plan(signals.experiment.drive is not None)
-    values = beside([plan], [0.0])
-    work = work_for(plan, values, np.zeros((1, plan.state_at.size)))
-    parts = _parts(model, signals)
-    _evaluate(plan, values, signals.time, signals.position, signals.velocity, drive, parts, found, work)
+    return np.asarray(accelerations([model], [signals], drive)[0])
+
+
+def accelerations(models: Sequence[Model], signals: Sequence[Signals], drive: FloatArray) -> FloatArray:
+    """The same of several models (K, N), each with signals that differ in the zero of the position only.
+
+    Samples are lanes (model/lanes.py) side by side.  Where states follow from the motion, samples follow one another,
+    and models with the same effects, and as many steps between two samples, are lanes.
+    """
+    found = np.empty((len(models), drive.size))
+    alike: dict[tuple[tuple[str, ...], int], list[int]] = {}
+    for k, (model, one) in enumerate(zip(models, signals, strict=True)):
+        if parts := _parts(model, one):
+            alike.setdefault((model.effects, parts), []).append(k)
+            continue
+        plan, values, work = _prepared([model], one)
+        _evaluate_samples(plan, values, one.time, one.position, one.velocity, drive, found[k], work)
+    for (_, parts), members in alike.items():
+        for lanes in batches(len(members)):
+            at, one = members[lanes], signals[members[0]]
+            plan, values, work = _prepared([models[k] for k in at], one)
+            positions, some = np.array([signals[k].position for k in at]), np.empty((len(at), drive.size))
+            _evaluate_models(plan, values, one.time, positions, one.velocity, drive, parts, some, work)
+            found[at] = some
     return found
 
 
+def _prepared(models: Sequence[Model], signals: Signals) -> tuple[Plan, Values, Work]:
+    """The plan of models with the same terms, their values, and the memory of a run."""
+    plans = [model.plan(signals.experiment.drive is not None) for model in models]
+    values = beside(plans, [0.0])
+    return plans[0], values, work_for(plans[0], values, np.zeros((len(models), plans[0].state_at.size)))
+
+
 def _parts(model: Model, signals: Signals) -> int:
-    """The number of integration steps between two samples for states that follow from the motion."""
+    """The number of integration steps between two samples for states that follow from the motion, 0 without any."""
     values = {name: p.value for name, p in model.parameters.items()}
     own = [effect for name in model.effects if (effect := get_effect(name)).distance]
     if not own:
-        return 1
+        return 0
     shortest = min(effect.distance(scope(values, effect)) for effect in own if effect.distance)
     farthest = float(np.abs(np.diff(signals.position)).max())
     return min(max(math.ceil(farthest / (STEP * shortest)), 1), MOST_PARTS)
 
 
-def _run(
-    plan: Any, values: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray, parts: int,
+def _of_samples(
+    plan: Any, values: Any, time: FloatArray, position: FloatArray, velocity: FloatArray, drive: FloatArray,
     found: FloatArray, work: Work,
 ) -> None:  # fmt: skip
-    """Samples are lanes (model/lanes.py) side by side, but one after the other where states follow from the motion."""
+    """Of one model without states of effects: samples are lanes."""
     m, w = terms(plan, values), memory(work)
-    n, x, dx = m.states, w.x, w.k1
-    many = LANES if n == 2 else 1
-    for i in range(0, time.size, many):
-        for k in range(parts if i and n > 2 else 0):
-            w.time[0], w.value[0] = time[i], drive[i]
-            at, h = (k + 0.5) / parts, (time[i] - time[i - 1]) / parts
-            x[0] = position[i - 1] + at * (position[i] - position[i - 1])
-            x[LANES] = (position[i] - position[i - 1]) / (time[i] - time[i - 1])
-            load(m, w, x, dx, 0.0, w.none, 0, 1)
-            rates(m, w, dx, 0, 1)
-            for j in range(2, n):
-                x[j * LANES] += h * dx[j * LANES]
-        count = min(many, time.size - i)
+    x, dx = w.x, w.k1
+    for i in range(0, time.size, LANES):
+        count = min(LANES, time.size - i)
         for k in range(count):
             w.time[k], w.value[k] = time[i + k], drive[i + k]
             x[k], x[LANES + k] = position[i + k], velocity[i + k]
@@ -120,7 +136,37 @@ def _run(
             found[i + k] = dx[LANES + k]
 
 
-_evaluate = compiled(partial(njit, nogil=True, **OPTIONS), _run)
+def _of_models(
+    plan: Any, values: Any, time: FloatArray, positions: FloatArray, velocity: FloatArray, drive: FloatArray,
+    parts: int, found: FloatArray, work: Work,
+) -> None:  # fmt: skip
+    """Of models whose states follow from the motion: models are lanes; positions, found: (lanes, N)."""
+    m, w = terms(plan, values), memory(work)
+    n, x, dx, count = m.states, w.x, w.k1, len(positions)
+    end = lanes_for(count)
+    for i in range(time.size):
+        for k in range(end):
+            w.time[k], w.value[k] = time[i], drive[i]
+        for part in range(parts if i else 0):
+            at, h = (part + 0.5) / parts, (time[i] - time[i - 1]) / parts
+            for k in range(count):
+                before, now = positions[k, i - 1], positions[k, i]
+                x[k], x[LANES + k] = before + at * (now - before), (now - before) / (time[i] - time[i - 1])
+            load(m, w, x, dx, 0.0, w.none, 0, end)
+            rates(m, w, dx, 0, end)
+            for j in range(2 * LANES, n * LANES, LANES):
+                for k in range(end):
+                    x[j + k] += h * dx[j + k]
+        for k in range(count):
+            x[k], x[LANES + k] = positions[k, i], velocity[i]
+        load(m, w, x, dx, 0.0, w.none, 0, end)
+        rates(m, w, dx, 0, end)
+        for k in range(count):
+            found[k, i] = dx[LANES + k]
+
+
+_evaluate_samples = compiled(partial(njit, nogil=True, **OPTIONS), _of_samples)
+_evaluate_models = compiled(partial(njit, nogil=True, **OPTIONS), _of_models)
 
 
 def softened(model: Model, signals: Sequence[Signals], saturation: float = SATURATED) -> Model:

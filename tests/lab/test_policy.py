@@ -47,7 +47,7 @@ NUMERICS = {
     "inverse/output_error.py": (8, "length, horizons, rate and integration step of what is simulated"),
     "inverse/problem.py": (4, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
     "inverse/free_parameters.py": (4, "a finite difference, scales, a weak prior, a bound"),
-    "inverse/regression.py": (5, "a minimiser; rank of a matrix, leverage of a block"),
+    "inverse/regression.py": (7, "a minimiser; rank of a matrix, leverage of a block; samples and step of a trial run"),
     "inverse/channel.py": (4, "grids of bands and delays, and blocks"),
     "inverse/release.py": (10, "local polynomials, what is no error, parts of a period, the top of a speed, modes"),
     "inverse/signals.py": (12, "filters and splines"),

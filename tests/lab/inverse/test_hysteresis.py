@@ -19,7 +19,7 @@ from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import acceleration
+from lostmotion.lab.inverse.torques import acceleration, accelerations
 from lostmotion.model import build_model
 
 INERTIA, VISCOUS, COULOMB = 0.05, 0.3, 1.0
@@ -141,3 +141,18 @@ def test_torque_along_a_measured_motion() -> None:
     t, angle, *_ = moved(1)
     off = (found - np.interp(signals.time, t, COULOMB * dahl(angle, RISE)))[signals.time > 2.0]
     assert np.sqrt(np.mean(off**2)) < 0.03
+
+
+def test_models_side_by_side_are_as_each_alone() -> None:
+    """Those of one regression, of which some need more steps between two samples, and one has no states; also where
+    each counts its angle from another zero."""
+    (experiment,) = experiments(build_model("joint"), [measured(1)])
+    signals, names = Signals.of(experiment), ["gravity_torque", "presliding_friction"]
+    models = [
+        build_model("joint", names, {"presliding_friction.x_p": rise, "gravity_torque.tau_g": 0.2 + rise})
+        for rise in (0.02, 0.0201, 0.005, 0.02, 0.3)
+    ] + [build_model("joint")]
+    load, moved_by = np.zeros(signals.time.size), [signals.shifted(0.1 * k) for k in range(len(models))]
+    found = accelerations(models, moved_by, load)
+    for model, one, each in zip(models, moved_by, found, strict=True):
+        assert each == pytest.approx(acceleration(model, one, load), rel=1e-9, abs=1e-9)
