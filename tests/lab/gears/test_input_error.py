@@ -49,7 +49,7 @@ def _round(path: Path, step: float) -> None:
 
 
 def explained(model: str, paths: list[str]) -> dict[str, object]:
-    ran = CliRunner().invoke(cli, ["lab", "explain", model, *paths, "--json"])
+    ran = CliRunner().invoke(cli, ["lab", "explain", model, *paths, "--json", "--budget", "600s"])
     assert ran.exit_code == 0, ran.stderr
     return dict(json.loads(ran.stdout))
 

@@ -20,7 +20,7 @@ from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.problem import InverseModel
-from lostmotion.lab.inverse.regression import regressed
+from lostmotion.lab.inverse.regression import can_run, regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import softened
 from lostmotion.lab.models import modelfile
@@ -217,7 +217,7 @@ def asked(folder: Path, base: str, recordings: list[Recording]) -> Asked:
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Asked:
     """A joint in a closed loop."""
-    return asked(tmp_path_factory.mktemp("driven"), "joint", [robot(7), robot(8), robot(9)])
+    return asked(tmp_path_factory.mktemp("driven"), "joint", [robot(4), robot(5), robot(6)])
 
 
 @pytest.fixture(scope="module")
@@ -507,3 +507,12 @@ def test_a_joint_that_mostly_rests() -> None:
     found = selected(WholeMotion(Method.TORQUE, model, signals), lambda what, part: None)
     assert found.added == ("coulomb_friction",)
     assert found.fits[-1].model.parameters["coulomb_friction.tau_c"].value == pytest.approx(0.5, rel=0.1)
+
+
+@pytest.mark.parametrize(("inertia", "play", "runs"), [(0.4, 1e-2, True), (0.4, 4e-5, True), (1e-13, 1e-2, False)])
+def test_a_model_without_inertia_cannot_run(inertia: float, play: float, runs: bool) -> None:
+    """A play of 40 µrad, of which a second takes 50 million steps, can be simulated."""
+    values = {"J": inertia, "viscous_friction.b_v": VISCOUS}
+    values |= {f"friction_behind_play.{name}": v for name, v in (("tau_p", COULOMB), ("e", play), ("c", 0.08))}
+    model = build_model("joint", ["viscous_friction", "friction_behind_play"], values)
+    assert can_run(model, [Signals.of(one) for one in experiments(model, [robot(1)])]) is runs
