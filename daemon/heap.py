@@ -7,10 +7,12 @@ from contextlib import suppress
 
 __all__ = ["give_back", "set_up"]
 
-ARENA_MAX, MMAP_THRESHOLD = -8, -3
-"""M_ARENA_MAX and M_MMAP_THRESHOLD of mallopt(3)"""
-LARGE = 128 * 1024
-"""The C library's own first threshold [bytes], which grows with every larger array that is freed, unless it is set."""
+ARENA_MAX, MMAP_THRESHOLD, TRIM_THRESHOLD = -8, -3, -1
+"""M_ARENA_MAX, M_MMAP_THRESHOLD and M_TRIM_THRESHOLD of mallopt(3)"""
+LARGE, KEPT = 1024 * 1024, 4 * 1024 * 1024
+"""Arrays from the first size on are given back when they are freed, and the end of the heap from the second on [bytes].
+With the C library's own 128 kB, six joints on one sensor made 460 and 2000 page faults a second in the first minute,
+and 26 and 53 with these; the service took 69.9 and 77.4 MB, and 69.5 and 70.1 (two pairs side by side)."""
 
 
 def set_up() -> None:
@@ -24,6 +26,7 @@ def set_up() -> None:
         library = ctypes.CDLL(None)
         library.mallopt(ARENA_MAX, 1)
         library.mallopt(MMAP_THRESHOLD, LARGE)
+        library.mallopt(TRIM_THRESHOLD, KEPT)
 
 
 def give_back() -> None:
