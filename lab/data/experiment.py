@@ -177,6 +177,8 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
     recording = readings.without_held_readings(recording, outputs, column)
     step = rounding_step(recording.columns[column]) if model.base == "play" and is_sampled(recording, column) else 0.0
     drive = _drive(model.base, recording, column, step)
+    if model.base == "oscillator":
+        readings.warn_of_clipping(recording)
     if model.base == "servo":
         _check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
@@ -283,9 +285,16 @@ def _readings(recording: Recording, column: str) -> FloatArray:
 
 
 def _check_goal(recording: Recording) -> None:
-    """Raises ExperimentError for a goal that is the angle itself some rows ahead, as in some data sets for learning.  A
-    servo without delay, friction and weight was found in one."""
+    """Raises ExperimentError for a goal that never changes, and drives nothing; and for one that is the angle itself
+    some rows ahead, as in some data sets for learning: a servo without delay, friction and weight was found in one."""
     goal, position = recording.columns["command"], recording.columns["position"]
+    sent = _readings(recording, "command")
+    if np.ptp(sent) <= FLAT_SHARE * np.abs(sent).max():
+        raise ExperimentError(
+            f"{recording.name}: found the command {sent[0]:g} at all times, expected a goal that changes: what moves a "
+            "servo that holds was not recorded. Record steps or sweeps of its goal, or use the base joint, with what "
+            "drives it as --map torque=SERIES"
+        )
     for ahead in range(1, COPIED_ROWS + 1):
         now, then = goal[: goal.size - ahead], position[ahead:]
         moving = np.flatnonzero(np.diff(then)) + 1

@@ -36,6 +36,7 @@ __all__ = [
     "lost_readings",
     "rows_of_base",
     "unwrapped",
+    "warn_of_clipping",
     "warn_of_units",
     "without_held_readings",
     "without_lost_readings",
@@ -79,6 +80,22 @@ SLOWEST = 2.0
 """Samples a second.  No motion of a robot shows at fewer (167 published recordings have 10 to 1024); 1000 a second in
 milliseconds are 1."""
 log = logging.getLogger(__name__)
+
+
+def warn_of_clipping(recording: Recording) -> None:
+    """Warns of an accelerometer whose readings pile up at an end of its range, ``policy.RAILED`` times as many as one
+    step before it (8 and 9 times of a clipped one, 2.4 times of a sine in a hundred steps): the model has no range."""
+    values = recording.columns.get("accel", np.empty(0))
+    values = values[np.isfinite(values)]
+    ends = [(sign, *np.unique(sign * values, return_counts=True)) for sign in (-1, 1)]
+    cut = [(int(counts[-1]), sign * float(each[-1])) for sign, each, counts in ends
+           if each.size > 1 and counts[-1] >= policy.RAILED * counts[-2]]  # fmt: skip
+    if cut:
+        log.warning(
+            "%s: %d readings of accel stand at %s m/s^2: there the range of the sensor cut the motion off, and what is "
+            "found is too small", recording.name, sum(count for count, _ in cut),
+            " and ".join(f"{end:.4g}" for _, end in cut),
+        )  # fmt: skip
 
 
 def warn_of_units(recording: Recording) -> None:
