@@ -34,7 +34,8 @@ def goals(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Seri
     (one, (times, values)), (motion, (_, angle)) = by_column["voltage"], moved[0]
     if not one.why.startswith("the motor's input") or values.size != angle.size:
         return []
-    gain = follows(times, values, angle / motion.factor)
+    gains = follows(times, values, angle / motion.factor), _settles(values, angle / motion.factor)
+    gain = min(gains, key=lambda each: abs(each - 1))
     if abs(gain - 1) > NEAR:
         return []
     taken = {each.series for each in chosen}
@@ -68,6 +69,16 @@ def follows(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:
     factors = np.linalg.lstsq(columns / size, smooth, rcond=None)[0]
     left = smooth - columns / size @ factors
     return float(factors[0] / size[0]) if float(left @ left) < (1 - EXPLAINED) * float(smooth @ smooth) else 0.0
+
+
+def _settles(goal: FloatArray, angle: FloatArray) -> float:
+    """The gain by which an angle (N,) settles at a goal (N,) that steps from where it began; 0 where it does not."""
+    last = max(goal.size // SHARE, LEAST)
+    step = goal[-1] - goal[0]
+    if goal.size < 4 * last or not step or np.ptp(goal[-last:]) > 0:
+        return 0.0
+    far = max(abs(angle[0] - goal[0]), float(np.abs(angle[-last:] - goal[-1]).max()))
+    return float((angle[-last:].mean() - angle[0]) / step) if far < NEAR * abs(step) else 0.0
 
 
 def _thinned(values: FloatArray) -> FloatArray:
