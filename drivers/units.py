@@ -40,7 +40,7 @@ _FACTORS: dict[str, dict[str, float]] = {
         "lbf in": POUND_FORCE * 0.0254,
     },
     "N": {"mN": 1e-3, "kN": 1e3, "lbf": POUND_FORCE, "kip": 1000 * POUND_FORCE, "kgf": STANDARD_GRAVITY},
-    "m": {"cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048},
+    "m": {"km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048},
     "V": {"mV": 1e-3},
     "A": {"mA": 1e-3},
     "degC": {"°C": 1.0, "C": 1.0},

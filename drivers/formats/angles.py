@@ -11,10 +11,10 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.commands import unused
 from lostmotion.drivers.formats.guess import Chosen, mapped
-from lostmotion.drivers.formats.motion import SWINGS, crossings
 from lostmotion.drivers.formats.source import Part, Series, shown
+from lostmotion.drivers.formats.swinging import SWINGS, crossings
 from lostmotion.drivers.formats.words import is_angle
-from lostmotion.drivers.units import MANY_TURNS
+from lostmotion.drivers.units import MANY_TURNS, to_si
 
 __all__ = ["ASSUMED", "check_servo", "doubts", "in_degrees"]
 
@@ -70,7 +70,8 @@ def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
 def check_servo(chosen: Sequence[Chosen], parts: Sequence[Part], name: str) -> None:
     """Refuses goal and angle in whole numbers beyond the turns of a servo in rad, which are degrees or counts of an
     encoder.  Raises RecordingError."""
-    angles = _beyond_a_servo(chosen, [values for _, values in parts])
+    unknown = [replace(one, unit="") if to_si(one.unit) is None else one for one in chosen]  # as of increments: inc
+    angles = _beyond_a_servo(unknown, [values for _, values in parts])
     numbers = np.concatenate([values for _, values in angles]) if angles else np.empty(0)
     if not angles or not _are_whole(numbers) or all(is_angle(one.series) for one, _ in angles):
         return
@@ -78,7 +79,7 @@ def check_servo(chosen: Sequence[Chosen], parts: Sequence[Part], name: str) -> N
         " ".join(mapped(one.column, one.series, unit) for one, _ in angles) for unit in (COUNTED, ":deg")
     )
     raise RecordingError(
-        f"{name}: found whole numbers without a unit, {numbers.min():g} to {numbers.max():g}, in "
+        f"{name}: found whole numbers without a known unit, {numbers.min():g} to {numbers.max():g}, in "
         f"{' and '.join(shown(one.series) for one, _ in angles)}, expected rad, in which a servo with a goal does not "
         f"turn so often; if they are counts of 4096 a turn, use {counts}, if degrees, {degrees}"
     )

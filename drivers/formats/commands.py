@@ -12,7 +12,7 @@ from lostmotion.drivers.formats.rates import are_of_one_array, factor_of
 from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, says_nothing, without_joint
 
-__all__ = ["held", "undriven", "unnamed", "unused"]
+__all__ = ["LEVELS", "held", "undriven", "unnamed", "unused"]
 
 RARE = 0.1
 """messages of a command for each of the readings, below which the drive holds a value until the next one: of nine

@@ -21,6 +21,7 @@ from lostmotion.drivers.formats.words import (
     is_reached,
     is_time,
     joint_of,
+    puts_out,
     speed_of,
     unit_of,
 )
@@ -100,9 +101,10 @@ def guessed(
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
     more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen, notes = chosen | more, notes + told
-    chosen |= _eliminated(series, choice, clock, chosen)
+    chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
         advice = _several(notes) or _advice(series, clock, moving or {}, spans)
+        advice = _along_line(advice) if choice.is_linear else advice
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
@@ -111,14 +113,17 @@ def guessed(
 
 
 def _eliminated(
-    series: Sequence[Series], choice: Choice, clock: str, chosen: Mapping[str, Chosen]
+    series: Sequence[Series], choice: Choice, clock: str, chosen: Mapping[str, Chosen], rough: str
 ) -> dict[str, Chosen]:
-    """The position, where it is the only series beside the time, or beside the time and a command."""
+    """The position, where it is the only series beside the time, or beside the time and a command, unless its unit is
+    that of another quantity, or it does not move as an angle does (``rough``)."""
     used = {one.series for one in chosen.values()}
     rest = [one for one in _unnamed(series, clock) if one.name not in used]
     if {*chosen} - {"command"} or len(rest) != 1 or MOTIONS & {*choice.terms}:
         return {}
     (one,) = rest
+    if one.name == rough or not _may_be_position(one):
+        return {}
     is_alone = sum(not is_time(each.name) for each in series) == 1
     if not is_alone and (is_input(one.name) or (chosen and is_other(one.name))):
         return {}
@@ -184,7 +189,23 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
         position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
         return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
     example = _example(series, clock, moving, spans)
+    if rough := moving.get("rough"):
+        said = f"{shown(rough)} neither swings nor keeps its speed, as what has an inertia does"
+        return f"{said}; if it is an angle all the same, use {example} (rad; else :deg, :mm, *FACTOR for counts)"
     return f"assign them, as in {example} (rad; else :deg, :mm, *FACTOR for counts; a speed: :rad/s, :rpm)"
+
+
+def _along_line(advice: str) -> str:
+    """The same advice for a motion along a line."""
+    other = {
+        "position=": "displacement=",
+        "torque": "force",
+        "(rad; else :deg, :mm": "(m; else :mm",
+        ":rad/s, :rpm": ":m/s",
+    }
+    for angular, linear in other.items():
+        advice = advice.replace(angular, linear)
+    return advice.replace("if it is an angle", "if it is a place")
 
 
 def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans) -> str:
@@ -211,7 +232,9 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
         return mapped(column, first)
     is_speed = re.search("velo|speed", first, re.IGNORECASE)
     drives = [one for one in rest if _may_drive(one)] or rest
-    if unit_of(first, "position") or FORCE in drives[:1]:
+    if not all(_may_be_position(one) for one in series if one.name == first):
+        unit = "*FACTOR"
+    elif unit_of(first, "position") or FORCE in drives[:1]:
         unit = ""
     else:
         unit = ":rad/s" if is_speed else _degrees(known.get(first, (-math.inf, math.inf)))
@@ -260,7 +283,7 @@ def _input(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     what a person should know."""
     if force := [one for one in series if one.name == FORCE]:
         return {"force": _chosen("force", force[0], Term(FORCE), "by its symbol")}, []
-    found = [one for one in series if is_input(one.name)]
+    found = [one for one in series if is_input(one.name) or puts_out(one.name)]
     own = [one for one in found if joint_of(one.name) in (joint, "")]
     own = [one for one in own if one.name.islower() and one.name.isalpha()] or own  # the plainest name
     if len(one := own or found) == 1:
@@ -371,6 +394,12 @@ def _has_unit(one: Series, column: str) -> bool:
     """Whether the unit of a series, if it has one, may be that of the column; a place may be along a line."""
     unit = to_si(one.unit or unit_of(one.name, column))
     return unit is None or unit[0] == COLUMN_UNITS[column] or (column == "position" and unit[0] == "m")
+
+
+def _may_be_position(one: Series) -> bool:
+    """Whether the unit of a series, if it is known, is that of a place or of a speed."""
+    unit = to_si(one.unit or unit_of(one.name, "position"))
+    return unit is None or unit[0] in ("rad", "m", "rad/s", "m/s")
 
 
 def _some(names: Sequence[str]) -> str:

@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.commands import LEVELS
 from lostmotion.drivers.formats.guess import MOTIONS
-from lostmotion.drivers.formats.rates import Rate, rates
+from lostmotion.drivers.formats.rates import EVEN, Rate, rates
 from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
-from lostmotion.drivers.formats.table import MOST_LOOKED_AT, Table
+from lostmotion.drivers.formats.swinging import is_smooth, power, swings
+from lostmotion.drivers.formats.table import LEAST_ROWS, MOST_LOOKED_AT, Table
 from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, joint_of, speed_of, without_joint
 
 __all__ = [
-    "SWINGS", "angle_about_pivot", "crossings", "liveliest", "power", "with_angle", "without_constant",
-    "without_still",
+    "angle_about_pivot", "liveliest", "with_angle", "without_constant", "without_inertia", "without_still",
 ]  # fmt: skip
 
 FILMED = "angle(x, y)"
@@ -37,10 +38,6 @@ TWIN = 0.98
 """correlation of two columns, of which one may be the goal of the other"""
 MOST_SHOWN = 3
 """pairs of a position and its speed, in a message"""
-SWINGS = 6
-"""crossings of the middle, of what swings"""
-SMOOTH = 0.5
-"""of what swings: how much of the variance the steps have; white noise has 2, a sine of eight samples a period 0.6"""
 AS_CLOSE = 1.3
 """times as far from a circle about the origin as from the one that fits best, the points may be: of 29 films with their
 pivot at the origin those that were farther than OFF_CIRCLE were 1.01 to 1.21 times as far.  Of 59 readings of published
@@ -85,13 +82,12 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
         if len(names) > 1 and column not in choice.terms:
             loaded = {name: np.asarray(values, dtype=float) for name, values in table.load(names).items()}
             if column == "position":
-                loaded = {name: values for name, values in loaded.items() if _swings(values)}
+                found |= _swinging(loaded)
+                continue
             powers = {name: power(values) for name, values in loaded.items()}
-            best = max(powers, key=lambda name: powers[name], default="")
-            if best and (column == "displacement" or powers[best] > MOST * sum(powers.values())):
+            best = max(powers, key=lambda name: powers[name])
+            if column == "displacement" or powers[best] > MOST * sum(powers.values()):
                 found[column] = best
-            elif best and column == "position":
-                found["perhaps"] = best
     return found
 
 
@@ -120,26 +116,45 @@ def _alike(table: Table, rate: Rate) -> list[str]:
     return [name for name, values in moved.items() if np.corrcoef(loaded[rate.of], values)[0, 1] > TWIN]
 
 
-def _swings(values: FloatArray) -> bool:
-    """Whether numbers go to and fro about their middle, smoothly: from one to the next by far less than in all, and by
-    no jump, as where an angle begins anew."""
-    known = values[np.isfinite(values)]
-    if known.size < 2:
-        return False
-    steps = np.diff(known)
-    is_smooth = power(steps) < SMOOTH * power(known) and float(np.max(np.abs(steps))) < np.ptp(known) / 2
-    return crossings(known) >= SWINGS and bool(is_smooth)
+def _swinging(columns: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Of columns that no name tells the position: the one that swings, if it has as much of all that moves, but for
+    what its numbers tell to be something else, and itself where it begins anew; else the one that swings most, as
+    ``perhaps``."""
+    powers = {name: power(values) for name, values in columns.items() if not _is_told(values)}
+    swinging = [name for name in powers if swings(columns[name])]
+    if not swinging:
+        return {}
+    best = max(swinging, key=lambda name: powers[name])
+    whole = sum(
+        each for name, each in powers.items() if name in swinging or not _is_wrapped(columns[name], columns[best])
+    )
+    return {"position" if powers[best] > MOST * whole else "perhaps": best}
 
 
-def crossings(values: FloatArray) -> int:
-    """How often numbers cross their median."""
-    return int(np.count_nonzero(np.diff(np.sign(values - np.median(values))))) if values.size else 0
+def _is_wrapped(values: FloatArray, angle: FloatArray) -> bool:
+    """Whether numbers (N,) move as an angle does (N,), but begin anew at each turn."""
+    fine = np.isfinite(values) & np.isfinite(angle)
+    return any(
+        np.corrcoef(np.unwrap(values[fine], period=turn), angle[fine])[0, 1] > TWIN for turn in (360.0, math.tau)
+    )
 
 
-def power(values: FloatArray) -> float:
-    """The variance of those that are numbers."""
-    known = values[np.isfinite(values)]
-    return float(np.var(known)) if known.size else 0.0
+def _is_told(values: FloatArray) -> bool:
+    """Whether the numbers themselves say that they are no motion: a clock or a counter, or an input with few values."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(steps.size and np.std(steps) <= EVEN * abs(np.mean(steps))) or np.unique(values).size <= LEVELS
+
+
+def without_inertia(table: Table, choice: Choice) -> dict[str, str]:
+    """The only series beside the times, as ``rough``, if it neither swings nor keeps its speed over some time, as what
+    has an inertia does."""
+    names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
+    is_timed = table.clock or table.times or choice.rate_hz is not None or "time" in choice.terms
+    if len(names) != 1 or not is_timed:
+        return {}
+    values = np.asarray(table.load(names)[names[0]], dtype=float)
+    is_rough = values.size >= LEAST_ROWS and _changes(values) and not (swings(values) or is_smooth(values))
+    return {"rough": names[0]} if is_rough else {}
 
 
 def _axes(series: Sequence[Series], column: str | None) -> list[str]:
@@ -160,7 +175,7 @@ def with_angle(table: Table, choice: Choice) -> Table:
     """A film's table with the angle of its point about the pivot, where x and y lie on a circle; so do two columns
     beside the time that no names tell, on less than half of one."""
     moving = any(column_of(one.name) in MOTIONS for one in table.series)
-    if moving or MOTIONS & set(choice.terms):
+    if moving or choice.is_linear or MOTIONS & set(choice.terms):
         return table
     axes = _axes(table.series, None)
     if not axes and len(table.series) == 3 and all(UNNAMED.fullmatch(one.name) for one in table.series):
@@ -195,7 +210,7 @@ def without_constant(table: Table, choice: Choice, still: Collection[str]) -> Ta
 def _moves(name: str, values: FloatArray) -> bool:
     """Whether a series swings, or is a speed or a motion by its name that changes."""
     is_named = speed_of(name) is not None or column_of(name) in MOTIONS
-    return (is_named and _changes(values)) or _swings(values)
+    return (is_named and _changes(values)) or swings(values)
 
 
 def without_still(table: Table, choice: Choice) -> tuple[Table, Sequence[str]]:

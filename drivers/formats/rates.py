@@ -18,6 +18,10 @@ __all__ = ["Rate", "are_of_one_array", "factor_of", "rates"]
 
 BLOCKS = 200
 """pieces of a recording, in each of which the way is compared with the sum of the speed: noise averages out"""
+ROUNDED = 0.001
+"""Share of the variance of the ways that their rounding may have; pieces are longer where it has more.  A motor's angle
+in whole degrees at 160 samples a second, beside its speed: factors of 1.010, 1.005, 1.008 and 1.018, with 0.01 up to
+1.023, and with one row a piece 1.012 to 1.024."""
 ALIKE = 0.9
 """Correlation of way and speed: a joint's speed by a filter of its own has 0.92, encoders 0.98 to 0.9999."""
 EVEN = 0.05
@@ -94,7 +98,7 @@ def factor_of(position: FloatArray, velocity: FloatArray) -> float:
     if np.count_nonzero(fine) < LEAST_ROWS:
         return 0.0
     position, velocity = position[fine], velocity[fine]
-    ends = np.arange(0, position.size, max(position.size // BLOCKS, 1))
+    ends = _pieces(position)
     way = np.diff(position[ends])
     total = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2)])
     sums = np.diff(total[ends])
@@ -103,3 +107,14 @@ def factor_of(position: FloatArray, velocity: FloatArray) -> float:
     factor = float(way @ sums / (sums @ sums))
     is_alike = float(np.corrcoef(way, sums)[0, 1]) > ALIKE
     return factor if is_alike and factor > 0 else 0.0
+
+
+def _pieces(position: FloatArray) -> NDArray[np.intp]:
+    """The first samples of the pieces: as short ones as the rounding of the position (N,) allows, two of which make an
+    error of tick²/6 in each way."""
+    distinct = np.diff(np.unique(position))
+    tick = float(distinct.min()) if distinct.size else 0.0
+    length = max(position.size // BLOCKS, 1)
+    while position.size >= 2 * LEAST_ROWS * length and tick**2 / 6 > ROUNDED * np.var(np.diff(position[::length])):
+        length *= 2
+    return np.arange(0, position.size, length)

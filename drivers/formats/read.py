@@ -16,10 +16,17 @@ from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_d
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, guessed, unknown
-from lostmotion.drivers.formats.motion import SWINGS, crossings, liveliest, with_angle, without_constant, without_still
+from lostmotion.drivers.formats.motion import (
+    liveliest,
+    with_angle,
+    without_constant,
+    without_inertia,
+    without_still,
+)
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Source, shown
+from lostmotion.drivers.formats.swinging import SWINGS, crossings
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
@@ -81,7 +88,8 @@ def _guessed(source: Source, choice: Choice, path: Path) -> tuple[Guess, Samples
     """
     clock, moving, spans = "", {}, unknown
     if isinstance(source, Table):
-        clock, moving, spans = source.clock, liveliest(source, choice), source.spans
+        clock, spans = source.clock, source.spans
+        moving = liveliest(source, choice) | without_inertia(source, choice)
     guess = guessed(source.series, choice, str(path), clock, moving, spans)
     return guess, source.read([one.series for one in guess.columns], choice), clock
 

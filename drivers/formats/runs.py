@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.drivers.formats.guess import mapped
-from lostmotion.drivers.formats.motion import power
 from lostmotion.drivers.formats.source import Choice, Series, shown
+from lostmotion.drivers.formats.swinging import power
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import column_of, is_run, is_time, joint_of
 

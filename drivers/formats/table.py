@@ -33,6 +33,12 @@ has three more with such a column, the x of a film, and 0.8 the same ones."""
 SELDOM = 0.01
 """share of the rows in which a counter whose name says its rate may begin anew: once in 1100 to 1300 rows of twenty
 recordings of a motor"""
+TURN = 0.05
+"""of a turn: how far the range of an angle that begins anew may be from one"""
+MOST_IN_TURN, SAME = 8, 0.01
+"""Series in turn in one column, up to which these are looked for, and the variance of their steps as a share of that
+from row to row: 1e-6 of the angles of an arm.  A swing of eight samples a period and more has smaller steps."""
+ORDINALS = ("", "", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
@@ -98,7 +104,7 @@ class Table:
             return next((one, Term(one.name)) for one in self.series if one.name == clock)
         if not found:
             raise RecordingError(
-                f"{self.name}: found {listed(self.series)}, and no times; {self._advised()}"
+                f"{self.name}: found {listed(self.series)}, and no times; {self._in_turn()}{self._advised()}"
                 "give the rows a second, if there are 100: FILE#rate-hz=100"
             )
         best = min(found, key=lambda one: (time_rank(one.name), is_run(one.name)))
@@ -132,10 +138,21 @@ class Table:
         if not found and all(UNNAMED.fullmatch(name) for name in loaded):
             found = [
                 name for name, values in loaded.items() if len(values) > LEAST_ROWS and (np.diff(values) > 0).all()
-            ]
+            ] or [name for name, values in loaded.items() if _ascends(values, may_begin_anew=True)]
         if len(found) > 1:
             found = [name for name in found if is_time(name.rpartition(".")[2])]
         return found[0] if found and all(np.array_equal(loaded[found[0]], loaded[other]) for other in found) else ""
+
+    def _in_turn(self) -> str:
+        """What to do with one column that holds several series in turn; "" where it does not."""
+        name = next(iter(self._steps), "")
+        values = np.cumsum(self._steps[name]) if len(self.series) == 1 and name else np.empty(0)
+        jumps = {k: float(np.var(values[k:] - values[:-k])) for k in range(1, MOST_IN_TURN + 1) if values.size > 4 * k}
+        if not jumps or not min(jumps.values()) < SAME * jumps[1]:
+            return ""
+        many = next(k for k, each in jumps.items() if each < SAME * jumps[1])
+        alike = f"every {ORDINALS[many]} number of {name} is close to the one before"
+        return f"{alike}, as if {many} series stood there in turn: write these side by side, {many} in a row, and "
 
     def _advised(self) -> str:
         """What to type for the times; "" for none."""
@@ -206,14 +223,15 @@ def _counts_rows(column: Array) -> bool:
     return values.size > LEAST_ROWS and values[0] in (0, 1) and bool((np.diff(values) == 1).all())
 
 
-def _ascends(column: Array, may_repeat: bool = False) -> bool:
+def _ascends(column: Array, may_repeat: bool = False, may_begin_anew: bool = False) -> bool:
     """Whether numbers ascend in steps of one size, which may be those of a time; may_repeat: some of them may stand
-    twice."""
+    twice; may_begin_anew: they may be seconds of several runs, and no angle that begins anew at each turn."""
     values = np.asarray(column, dtype=np.float64)
     if may_repeat:
         values = values[np.concatenate([[True], np.diff(values) != 0])]
     steps = np.diff(values)
-    anew = np.count_nonzero(~(steps > 0)) if _counted(values) else 0  # a clock may begin anew
+    is_turn = any(abs(np.ptp(values) / turn - 1) < TURN for turn in (360.0, 2 * np.pi, 1.0)) if may_begin_anew else True
+    anew = np.count_nonzero(~(steps > 0)) if _counted(values) or not is_turn else 0  # a clock may begin anew
     if steps.size < LEAST_ROWS * (1 + anew) or not (anew or (steps > 0).all()):
         return False
     usual = float(np.median(steps))

@@ -150,10 +150,19 @@ def _above(above: list[tuple[int, str]], before: int, comments: list[str], rows:
     else:
         units = []
     if names := next((names for names in reversed(found[-2:]) if names), []):
-        return _named_below(names, units) if units else (_unique(names), [""] * width)
+        return _named_below(_timed(names, units), units) if units else (_unique(names), [""] * width)
     units = _units(_names_in(above[-1][1], rows), rows.comma) if above else []
     header, below = _commented(comments, rows)
     return header, [*(below or units), *[""] * width][:width]
+
+
+def _timed(names: list[str], units: list[str]) -> list[str]:
+    """The names of the columns, where none is a time, with ``time`` for the one without a name whose unit is that of a
+    time."""
+    of_time = [not name.strip() and (to_si(unit) or ("",))[0] == "s" for name, unit in zip(names, units, strict=True)]
+    if sum(of_time) != 1 or any(map(is_time, names)):
+        return names
+    return ["time" if is_one else name for name, is_one in zip(names, of_time, strict=True)]
 
 
 def _named_below(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:

@@ -59,17 +59,18 @@ def table_of(name: str, kind: str, vectors: Mapping[str, NDArray[np.generic]], a
 def _times(
     vectors: Mapping[str, NDArray[np.generic]], steps: Mapping[str, float], rows: int
 ) -> tuple[dict[str, NDArray[np.generic]], str]:
-    """The times (rows,) [s] by the one number that says how often rows were sampled, as a vector by its name, and a
-    note of it; none where there are times, several such numbers, or a vector that ascends by a whole number of the
-    steps that they say, as of a recorder that keeps every sixth sample."""
+    """The times (rows,) [s] by the number that says how often rows were sampled, as a vector by its name, and a note of
+    it; none where there are times, such numbers that contradict each other, or a vector that ascends by a whole number
+    of the steps that they say, as of a recorder that keeps every sixth sample."""
     kept = {title: 1 / step if _is_step(title) else step for title, step in steps.items() if step > 0}
     kept = {title: rate for title, rate in kept.items() if ROWS[0] <= rate <= ROWS[1]}
-    if len(kept) != 1 or any(is_time(title) for title in vectors):
+    if not kept or max(kept.values()) > (1 + EVEN) * min(kept.values()) or any(is_time(title) for title in vectors):
         return {}, ""
-    ((title, rate),) = kept.items()
+    rate = next(iter(kept.values()))
     if any(vector.size == rows and _ascends_by(1 / rate, vector) for vector in vectors.values()):
         return {}, ""
-    return {"time": np.arange(rows) / rate}, f"time: no times are given; {rate:g} rows a second, as {title} says"
+    said = f"{' and '.join(kept)} {'says' if len(kept) == 1 else 'say'}"
+    return {"time": np.arange(rows) / rate}, f"time: no times are given; {rate:g} rows a second, as {said}"
 
 
 def _ascends_by(step: float, vector: NDArray[np.generic]) -> bool:

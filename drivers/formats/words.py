@@ -11,12 +11,12 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
     "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run", "is_sent", "is_time", "joint_of",
-    "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
+    "puts_out", "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
-    "commanded", "cmd", "setpoint", "action", "actions", "des",
+    "commanded", "cmd", "setpoint", "action", "actions", "des", "demand", "demanded",
 }  # fmt: skip
 MEASURED = {"actual", "measured", "feedback", "present"}
 """of a position where no other quantity is named, as a command is one: ``FL_1_target`` and ``FL_1_actual``"""
@@ -44,7 +44,7 @@ OTHER = SPEED | {
     "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
     "id", "tolerance", "delta", "load", "pwm", "duty", "uncertainty", "uncertainties", "sigma", "err",
-    "ddot", "double", "offset", "layout",
+    "ddot", "double", "offset", "layout", "latitude", "longitude", "altitude", "direction", "accuracy",
 }  # fmt: skip
 """words of series that are none of the columns"""
 INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
@@ -58,7 +58,7 @@ ESTIMATED = {"est", "estimate", "estimated", "hat", "observer", "observed"}
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
     "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z", "output", "input", "shaft", "meas", *ESTIMATED,
+    "imu", "msg", "x", "y", "z", "output", "out", "input", "shaft", "meas", *ESTIMATED,
 }  # fmt: skip
 TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
 """words of the time axis, those first that others come after"""
@@ -188,6 +188,12 @@ def is_input(name: str) -> bool:
     """Whether a series is the input of a motor, of no quantity that has a column: ``u``, ``pwm``, ``control_input``."""
     words = set(_words(name))
     return bool(words & INPUT) and column_of(name) is None and not words & (OTHER - INPUT | COMMAND)
+
+
+def puts_out(name: str) -> bool:
+    """Whether a series is what a controller puts out, by its last word: ``out``, ``pid_out``; where something else is
+    the motion, that is the motor's input."""
+    return _words(name)[-1:] == ["out"] and column_of(name) is None and not is_other(name)
 
 
 def is_other(name: str) -> bool:

@@ -14,6 +14,8 @@ from tests.daemon.cli_world import call
 T = np.arange(1500) / 100
 SWING = 40 * np.exp(-T / 20) * np.cos(5 * T)
 """of a pendulum [deg]"""
+STEPS = 50 * np.floor(T / 5)
+NONE = "and none that is clearly a column"
 
 
 def noise(deviation: float, seed: int, size: int = T.size) -> np.ndarray:
@@ -41,10 +43,87 @@ def explained(base: str, path: Path, *options: str) -> str:
     return result.output
 
 
+def test_beside_what_moves_more_a_swing_is_asked_about(tmp_path: Path) -> None:
+    """Of a robot's wheels: a noisy speed is no swing, and the counters move 400 times as much; of a pendulum on an arm
+    that turns on, the arm.  A swing with noise beside an input in steps and a counter is taken."""
+    speed = np.rint(6 * (2 + np.sin(T) + noise(0.5, 1))) / 6
+    count = 40 * np.cumsum(speed) + noise(20, 2)
+    path = tmp_path / "log.txt"
+    assert NONE in told(table(path, T, speed, speed + noise(0.5, 3), count, count + 3))
+    assert NONE in told(table(path, T, STEPS, SWING, 3 * SWING + 400 * np.sqrt(T)))
+    noisy = SWING + noise(0.5, 4)
+    assert "position = column3  (deg" in told(table(path, T, STEPS, noisy, np.arange(T.size)))
+
+
+def whole_degrees(speed: np.ndarray) -> tuple[np.ndarray, ...]:
+    """A motor's duty, times, speed and angle in whole degrees, from a controller of a toy."""
+    angle = np.rint(np.cumsum(speed) / 160 - 400)
+    return np.full(speed.size, 40.0), np.arange(speed.size) / 160, np.rint(speed), angle
+
+
+def test_a_speed_is_that_of_an_angle_in_whole_degrees(tmp_path: Path) -> None:
+    """A second of a motor that starts: the angle rises by a degree a row, and the speed does not swing."""
+    speed = 220 * (1 - np.exp(-np.arange(160) / 20)) + noise(2, 5, 160)
+    said = told(table(tmp_path / "data40.csv", *whole_degrees(speed), sign=";"))
+    assert "position = column4  (rad, as no unit is given; column3 is how fast it changes)" in said
+
+
+def test_what_does_not_move_as_an_angle_is_asked_about(tmp_path: Path) -> None:
+    """A temperature beside its times; a voltage, by its unit; seven angles of an arm in one column; a walk."""
+    warm = np.rint(20 * (25 + np.cumsum(noise(0.02, 7)) + noise(0.03, 8))) / 20
+    path = tmp_path / "log.txt"
+    said = told(table(path, T + 1290, warm))
+    assert "column2 neither swings nor keeps its speed, as what has an inertia does" in said
+    assert "position = column2" in told(path, "--map", "position=column2:deg")
+    for values in (SWING, 3 * T**2 + np.rint(T), np.rint(T * 30)):
+        assert "position = column2" in told(table(path, T, values))
+    assert "--map 'position=Channel 1 (V)*FACTOR'" in told(table(path, T, SWING, head="Time (s),Channel 1 (V)"))
+    arm = np.stack([3 * joint + np.sin((1 + joint / 5) * T) for joint in range(7)], axis=1)
+    assert "every seventh number of column1 is close to the one before" in told(table(path, arm.ravel()))
+    places = (0 * T + 42.6, 0 * T - 78.9, np.rint(90 + noise(20, 9)))
+    assert NONE in told(table(path, T, *places, head="Time (s),Latitude (°),Longitude (°),Direction (°)"))
+
+
+def test_runs_one_after_another_need_no_names(tmp_path: Path) -> None:
+    """Three runs of a motor in one table: its times begin anew, and an angle that begins anew at each turn is none."""
+    runs = [whole_degrees(np.sin(np.arange(size) / 20) * 220) for size in (330, 400, 350)]
+    path = table(tmp_path / "lab.csv", *(np.concatenate(each) for each in zip(*runs, strict=True)))
+    said = told(path)
+    assert "rows 331 to 730 are used, the longest part" in said
+    assert "position = column4" in said
+    assert "if there are 100 rows a second" in told(
+        table(path, 1.7 * T % (2 * np.pi), np.sin(3 * T), np.cos(2 * T)), "-o", str(tmp_path / "x.csv")
+    )
+
+
 def test_a_servo_whose_goal_never_changes_is_refused(tmp_path: Path) -> None:
     """It holds, and is pulled by hand."""
     path = table(tmp_path / "servo.csv", T, 0 * T + 0.2, 0.2 + SWING / 2000, head="time,goal,position")
     assert "found the command 0.2 at all times, expected a goal that changes" in explained("servo", path)
+
+
+def test_a_drive_exports_demand_and_actual_value(tmp_path: Path) -> None:
+    """Its times have a unit and no name; the increments of its encoder are asked about."""
+    goal = np.rint(25000 + 50 * SWING)
+    head = "Date:;2026-01-31\n;Position actual value;Position demand value;Following error actual value\nms;inc;inc;inc"
+    path = table(tmp_path / "drive.csv", 8000 * T, goal - 2, goal, 0 * T + 2, head=head, sign=";")
+    said = explained("servo", path)
+    assert "found whole numbers without a known unit" in said
+    assert "--map 'command=Position demand value*0.00153398' --map 'position=Position actual value*0.00153398'" in said
+    maps = [
+        f"{column}=Position {word} value*0.0015" for column, word in (("command", "demand"), ("position", "actual"))
+    ]
+    assert "time: time [ms]" in told(path, *(each for one in maps for each in ("--map", one)))
+
+
+def test_what_a_controller_puts_out_may_drive(tmp_path: Path) -> None:
+    """``out`` beside a speed; with the ``duty`` of the programme both are named, and none is taken."""
+    rpm = 60 + 20 * np.sin(T)
+    path = table(tmp_path / "motor.csv", T, rpm, np.cos(T), 0 * T + 60, head="t,rpm,out,rpm_sp")
+    assert "voltage = out  (V, as no unit is given; the motor's input, by its name)" in told(path)
+    said = told(table(path, STEPS, T, rpm, np.cos(T), head="duty,t,rpm,out"))
+    assert "voltage: found several inputs, duty, out; choose with --map voltage=duty" in said
+    assert "voltage = " not in said
 
 
 def test_an_input_at_which_the_angle_settles_is_a_goal(tmp_path: Path) -> None:

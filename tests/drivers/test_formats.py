@@ -245,7 +245,7 @@ def test_a_servo_turns_in_degrees(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.recording.columns["command"], np.radians(100 * ANGLE))
     assert any("a servo with a goal does not turn so often" in note for note in found.notes)
     table.round().to_csv(path, index=False)
-    assert "found whole numbers without a unit" in refused(path)
+    assert "found whole numbers without a known unit" in refused(path)
     given = read(path, "command=goal:rad", "position=position:rad").recording
     np.testing.assert_allclose(given.columns["command"], (100 * ANGLE).round())
     called = table.rename(columns={"goal": "command_angle", "position": "feedback_angle"})
