@@ -11,7 +11,7 @@ import io
 import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
 from lostmotion.drivers.errors import RecordingError, unreadable, unwritable
-from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
+from lostmotion.drivers.formats.choice import parse_map, split_address
 from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.drivers.pacing import as_utc
 from lostmotion.drivers.pipes import STANDARD, to_output
@@ -34,7 +34,6 @@ __all__ = [
     "Recording",
     "merge",
     "read_recording",
-    "read_recordings",
     "replaced",
     "replacing",
     "write_recording",
@@ -125,16 +124,21 @@ class Recording:
 
 
 def read_recording(
-    path: str | Path, joint: str = "", terms: Sequence[str] = (), told: set[str] | None = None
+    path: str | Path,
+    joint: str = "",
+    terms: Sequence[str] = (),
+    told: set[str] | None = None,
+    *,
+    is_linear: bool = False,
 ) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
     ``FILE#joint=elbow,position=SERIES:deg`` sets it.  joint: which one of such a file is meant, if it has one of that
     name; terms: ``position=SERIES:deg`` for columns that the address does not have; told: what was said of other files,
-    and is not repeated.  A last line that was cut off (a
-    recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the line,
-    what was found and expected, and the likely cause.
+    and is not repeated; is_linear: whether a motion along a line is meant, and no angle.  A last line that was cut off
+    (a recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the
+    line, what was found and expected, and the likely cause.
     """
     path, choice = split_address(Path(path))
     choice = replace(choice, terms={**parse_map(terms), **choice.terms})
@@ -143,7 +147,7 @@ def read_recording(
     else:
         from lostmotion.drivers.formats.read import imported
 
-        found = imported(path, replace(choice, hint=joint))
+        found = imported(path, replace(choice, hint=joint, is_linear=is_linear))
         known = set() if told is None else told
         head, *lines = found.lines()
         new = [line for line in lines if line not in known]
@@ -153,27 +157,6 @@ def read_recording(
         recording = found.recording
     _check_scale(recording)
     return recording
-
-
-def read_recordings(paths: Sequence[str | Path], joint: str = "", terms: Sequence[str] = ()) -> list[Recording]:
-    """Reads several; what is the same of them is said once.  Files that have nothing in common but their number of
-    rows, as angles in one and torques in another, are one recording.  Raises RecordingError."""
-    told: set[str] = set()
-    whole = PLUS.join(map(str, paths))
-    try:
-        read = [read_recording(path, joint, terms, told) for path in paths]
-    except RecordingError:
-        with suppress(RecordingError):
-            if len(paths) > 1:
-                return [read_recording(whole, joint, terms)]
-        raise
-    return [read_recording(whole, joint, terms)] if _are_parts(read) else read
-
-
-def _are_parts(recordings: Sequence[Recording]) -> bool:
-    """Whether no column is in two of these recordings, and all have as many rows."""
-    columns = [name for one in recordings for name in one.columns]
-    return len(recordings) > 1 and len(columns) == len({*columns}) and len({one.time.size for one in recordings}) == 1
 
 
 def _read_own(path: Path) -> Recording:

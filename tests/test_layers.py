@@ -20,7 +20,7 @@ ALLOWED = {
     "lab": {"lab", "model", "detector", "drivers"},
     "web": {"web", "daemon", "detector", "drivers"},
 }
-OF_DRIVERS = {"errors", "pipes", "recording", "terminal", "textfile", "toml_text"}
+OF_DRIVERS = {"errors", "pipes", "recording", "recordings", "terminal", "textfile", "toml_text"}
 """what the lab may import of them"""
 LAB = (
     ("errors", "policy", "quantity", "deadline"), ("parallel", "data"), ("results",), ("words", "models"),

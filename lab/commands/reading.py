@@ -28,12 +28,13 @@ class Files:
     joint: str = ""
     terms: tuple[str, ...] = ()
 
-    def read(self) -> list[Recording]:
-        """Raises RecordingError."""
+    def read(self, base: str = "") -> list[Recording]:
+        """The recordings, for this base.  Raises RecordingError."""
         from lostmotion.drivers.pipes import from_input
-        from lostmotion.drivers.recording import read_recordings
+        from lostmotion.drivers.recordings import read_recordings
 
-        return read_recordings([from_input(path) for path in self.paths], self.joint, self.terms)
+        paths = [from_input(path) for path in self.paths]
+        return read_recordings(paths, self.joint, self.terms, is_linear=base == "oscillator")
 
 
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
@@ -61,8 +62,9 @@ def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experimen
     from lostmotion.lab.models import modelfile
     from lostmotion.model import ModelError
 
-    file, read = modelfile.load(model), recordings.read()
+    file = modelfile.load(model)
     try:
+        read = recordings.read(file.build().base)
         built = file.build(bar_of(file.build(), read))
         with _merged_warnings():
             for recording in read:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
+from lostmotion.drivers.recordings import read_recordings
 from lostmotion.lab.commands.reading import Files, used
 from tests.daemon.cli_world import call
 
@@ -68,6 +70,20 @@ def test_a_speed_is_that_of_an_angle_in_whole_degrees(tmp_path: Path) -> None:
     assert "position = column4  (rad, as no unit is given; column3 is how fast it changes)" in said
 
 
+def test_a_column_without_a_name_means_the_same_in_all_files(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A second file, of which the numbers do not tell the position; and a small swing beside one that is in degrees."""
+    speed = 220 * np.sin(np.arange(320) / 20)
+    first = table(tmp_path / "a.csv", *whole_degrees(speed))
+    second = table(tmp_path / "b.csv", *whole_degrees(noise(30, 6, 300)))
+    assert NONE in told(second)
+    read = read_recordings([second, first])
+    assert [one.metadata["imported"]["position"] for one in read] == ["column4", "column4"]
+    assert f"{second}: read with --map position=column4, as the other files are" in caplog.messages
+    far, near = (table(tmp_path / name, T, size * SWING, head="t,theta") for name, size in (("far", 1), ("near", 0.04)))
+    sizes = [float(np.ptp(one.columns["position"])) for one in read_recordings([near, far])]
+    assert sizes[1] / sizes[0] == pytest.approx(25, rel=1e-4)
+
+
 def test_what_does_not_move_as_an_angle_is_asked_about(tmp_path: Path) -> None:
     """A temperature beside its times; a voltage, by its unit; seven angles of an arm in one column; a walk."""
     warm = np.rint(20 * (25 + np.cumsum(noise(0.02, 7)) + noise(0.03, 8))) / 20
@@ -100,6 +116,30 @@ def test_a_servo_whose_goal_never_changes_is_refused(tmp_path: Path) -> None:
     """It holds, and is pulled by hand."""
     path = table(tmp_path / "servo.csv", T, 0 * T + 0.2, 0.2 + SWING / 2000, head="time,goal,position")
     assert "found the command 0.2 at all times, expected a goal that changes" in explained("servo", path)
+
+
+def test_a_film_of_an_oscillator_has_no_angle(tmp_path: Path) -> None:
+    """The end of a leg, on an arc of 12 by 9 cm: x for the oscillator, and the angle for a joint."""
+    angle = SWING / 60
+    path = table(tmp_path / "leg.csv", T, 0.1 * np.sin(angle), 0.1 * np.cos(angle), head="t,x,y")
+    for base, column in (("oscillator", "displacement"), ("joint", "position")):
+        (found,) = Files((path,)).read(base)
+        assert list(found.columns) == [column]
+    np.testing.assert_allclose(
+        Files((path,)).read("oscillator")[0].columns["displacement"], 0.1 * np.sin(angle), atol=1e-6
+    )
+
+
+def test_numbers_that_agree_are_one_rate(tmp_path: Path) -> None:
+    """``Ts`` and ``fs`` of one recording; none of them where they contradict each other."""
+    path = tmp_path / "arm.mat"
+    held = {"Input": SWING, "Output": np.sin(3 * T), "Ts": 0.002, "fs": 500.0}
+    scipy.io.savemat(path, held)
+    said = told(path, "--map", "force=Input", "--map", "displacement=Output")
+    assert "500 rows a second, as Ts and fs say" in said
+    assert "--map displacement=Output, and a force --map force=Input (m;" in explained("oscillator", path)
+    scipy.io.savemat(path, held | {"fs": 100.0})
+    assert "give the rows a second" in told(path, "--map", "displacement=Output", "-o", str(tmp_path / "x.csv"))
 
 
 def test_a_drive_exports_demand_and_actual_value(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from lostmotion.drivers.codec.recording_csv import ROWS_AT_ONCE
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.recording import Recording, merge, read_recording, read_recordings, write_recording
+from lostmotion.drivers.recording import Recording, merge, read_recording, write_recording
+from lostmotion.drivers.recordings import read_recordings
 from lostmotion.drivers.units import COLUMN_UNITS
 from tests.conftest import Measurements
 

@@ -1,0 +1,88 @@
+"""Several recordings of one question: parts of one, or files in which the same columns mean the same."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.choice import PLUS
+from lostmotion.drivers.formats.words import UNNAMED
+from lostmotion.drivers.recording import Recording, read_recording
+
+__all__ = ["read_recordings"]
+
+log = logging.getLogger(__name__)
+
+Read = Callable[[str | Path, Sequence[str]], Recording]
+"""reads a file with ``--map``"""
+
+
+def read_recordings(
+    paths: Sequence[str | Path], joint: str = "", terms: Sequence[str] = (), *, is_linear: bool = False
+) -> list[Recording]:
+    """Reads several; what is the same of them is said once.  Files that have nothing in common but their number of
+    rows, as angles in one and torques in another, are one recording.  A column without a name that is the position in
+    most files is so in all of them, and an angle that is in degrees in one is so in all, unless is_linear: see
+    ``read_recording``.  Raises RecordingError."""
+    told: set[str] = set()
+    read: Read = partial(_read, joint, told, is_linear)
+    found: list[Recording | RecordingError] = []
+    for path in paths:
+        try:
+            found.append(read(path, terms))
+        except RecordingError as error:
+            found.append(error)
+    recordings = [one for one in found if isinstance(one, Recording)]
+    whole = partial(_read, joint, set(), is_linear, PLUS.join(map(str, paths)), terms)
+    if len(recordings) < len(paths) > 1:
+        with suppress(RecordingError):
+            return [whole()]
+    elif _are_parts(recordings):
+        return [whole()]
+    for at, term in enumerate(_agreed(found, is_linear)):
+        if term:
+            with suppress(RecordingError):
+                found[at] = read(paths[at], [*terms, term])
+                log.warning("%s: read with --map %s, as the other files are", paths[at], term)
+    for one in found:
+        if isinstance(one, RecordingError):
+            raise one
+    return [one for one in found if isinstance(one, Recording)]
+
+
+def _read(joint: str, told: set[str], is_linear: bool, path: str | Path, terms: Sequence[str]) -> Recording:
+    return read_recording(path, joint, terms, told, is_linear=is_linear)
+
+
+def _are_parts(recordings: Sequence[Recording]) -> bool:
+    """Whether no column is in two of these recordings, and all have as many rows."""
+    columns = [name for one in recordings for name in one.columns]
+    return len(recordings) > 1 and len(columns) == len({*columns}) and len({one.time.size for one in recordings}) == 1
+
+
+def _agreed(found: Sequence[Recording | RecordingError], is_linear: bool) -> list[str]:
+    """What to map in each file to read it as the others are; "" for nothing."""
+    read = [_position(one) for one in found]
+    common = Counter(each for each, _ in read if UNNAMED.fullmatch(each)).most_common(1)
+    assumed = {each: unit for each, unit in read if unit and not is_linear}
+    terms = []
+    for one, (own, unit) in zip(found, read, strict=True):
+        is_open = isinstance(one, RecordingError) or UNNAMED.fullmatch(own)
+        series = common[0][0] if common and is_open else own
+        wanted = assumed.get(series, unit)
+        terms.append(f"position={series}{':' * bool(wanted)}{wanted}" if (series, wanted) != (own, unit) else "")
+    return terms
+
+
+def _position(one: Recording | RecordingError) -> tuple[str, str]:
+    """The series that is the position of a file of another program, and the unit in which it was assumed to be; ""
+    where it was given, or there is none."""
+    imported = one.metadata.get("imported", {}) if isinstance(one, Recording) else {}
+    return ("", "") if imported.get("position_given") else (
+        imported.get("position", ""), imported.get("position_assumed", "")
+    )  # fmt: skip
