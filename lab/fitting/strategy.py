@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.deadline import is_over
 from lostmotion.lab.observer.filter import can_follow, states_at
 from lostmotion.lab.observer.global_search import search_parameters
 from lostmotion.lab.shooting.continuation import LONGER, Level, are_missed, fitted, merged
@@ -42,6 +43,7 @@ __all__ = [
     "refined",
     "repaired_fit",
     "searched_fit",
+    "settled",
     "some_tiles",
     "unfitted",
     "with_bar_frequency",
@@ -209,6 +211,24 @@ def repaired_fit(
     their share exceeds ``max_missed``."""
     again = repaired(model, segments, task.substep_s, max_missed)
     return fitted(model, unknowns, again, task.substep_s)
+
+
+def settled(level: Level, task: Task) -> Level:
+    """The fit after the initial states of missed segments were searched for again at its values, and the fits from
+    these, as long as that lowers the error.
+
+    New initial states change the parameters, and these the initial states of other segments (block coordinate
+    descent).  A finite actuator beside gravity on the sensor ended at 1.6 to 1.9 times the noise from four initial
+    values, and from each of them after two to four rounds at 0.8 (seed 7200).
+    """
+    while not is_over():
+        again = repaired_fit(level.model, level.unknowns, level.segments, task)
+        if again.typical >= level.typical:
+            break
+        before, level = level.typical, again
+        if level.typical > math.sqrt(1 - policy.LEAST_GAIN) * before:
+            break
+    return level
 
 
 def grown(level: Level, task: Task) -> Level:
