@@ -85,7 +85,9 @@ def _searched(
     without it where its effects predict better, by the test of an effect.
 
     The delay is estimated before any effect is known, and an effect that the model lacks may look like one, such as a
-    ripple.  Where much is left, the search goes on with a whitened misfit.
+    ripple.  Where much is left, the search goes on with a whitened misfit, unless what it names predicts the last
+    recording worse: of a motor at twenty steady speeds it dropped a friction that took 0.033 to 0.0007 V (p = 1e-13).
+    In ten other recordings with much left the whitened search predicts better or as well.
     """
 
     def likelihood(channel: Channel, is_whitened: bool = False) -> WholeMotion:
@@ -102,7 +104,11 @@ def _searched(
         if Predictions(two.predicted**2, one.predicted**2, one.block).is_better():
             channel, own, found = undelayed, less, other
     if is_disturbed(found.fits[-1].inverse):
-        found = selected(own := likelihood(channel, is_whitened=True), progress, found)
+        white = likelihood(channel, is_whitened=True)
+        other = selected(white, progress, found)
+        on_last = white.on_last(other.fits[-1], found.fits[-1])
+        if not (on_last and on_last.is_preferred):
+            own, found = white, other
     assert own.unseen
     return channel, own.unseen, found
 

@@ -44,8 +44,23 @@ def eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F])
         if simple and _is_enough(part := refitted(simple), now, likelihood) and not is_over():
             now, added = part, relabelled(added, first.effects, part.model.effects)
             lacking.pop(effect, None)
+    if is_over():
+        now, added = _without_last(now, added, first, own, likelihood)
     path = _path(found.fits, now, added, refitted)
     return replace(found, fits=path, added=tuple(added), lacking=lacking)
+
+
+def _without_last(
+    now: F, added: list[str], first: Model, own: Sequence[F], likelihood: Likelihood[F]
+) -> tuple[F, list[str]]:
+    """The fit and the added effects without the last ones that are not needed, as far as the fits without them are
+    known: there is no time for others."""
+    while added and (known := _alike(own, reduced(now.model, added[-1], first))):
+        less = min(known, key=lambda one: one.rms)
+        if not _is_enough(less, now, likelihood):
+            break
+        now, added = less, added[:-1]
+    return now, added
 
 
 def _least_needed(lacking: Mapping[str, F], added: Sequence[str], now: F, likelihood: Likelihood[F]) -> str:

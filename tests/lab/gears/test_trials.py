@@ -14,7 +14,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.deadline import within
-from lostmotion.lab.fitting.strategy import full_fit
+from lostmotion.lab.fitting.strategy import full_fit, settled
 from lostmotion.lab.gears.score_test import score_test
 from lostmotion.lab.gears.trials import (
     FEW_STEPS,
@@ -91,6 +91,37 @@ def test_a_delay_of_zero_is_exchanged_for_none() -> None:
     assert list(with_other_delays(delayed.replace({"command_delay.T": 0.0}), task)) == []
     others = dict(with_other_delays(delayed.replace({"command_delay.T": 2e-3}), task))
     assert others["actuator_lag"].parameters["actuator_lag.T"].value == 2e-3
+
+
+@pytest.mark.slow
+def test_the_effect_that_delays_a_signal_is_proposed_with_another_one() -> None:
+    """Only a delay of the command was proposed; the lag of the sensor, which is to first order the same, follows."""
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, 1.2, **{"sensor_lag.T": 3e-3}) for seed in (71, 72)])
+    task = Task.of(model, held, noise_of(held))
+    delayed = model.with_effect("command_delay").replace({"command_delay.T": 2.5e-3})
+    with ThreadPoolExecutor(2) as pool:
+        found = halving(full_fits([("command_delay", delayed)], task, pool), task, 0.1, pool)
+    assert found[0].effect == "sensor_lag"
+    assert found[0].level.model.parameters["sensor_lag.T"].value == pytest.approx(3e-3, rel=0.03)
+    assert found[0].level.typical == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.slow
+def test_initial_states_are_searched_for_until_the_error_stays() -> None:
+    """An actuator with a wrong inertia and damping: most segments are missed at first, and none at the end."""
+    truth = {"finite_actuator.J1": 1.1e-3, "finite_actuator.f1": 16.0, "finite_actuator.zeta1": 0.76}
+    model = build_model("play", values=GEARS)
+    held = experiments(model, [gears(seed, **truth) for seed in (81, 82)])
+    task = Task.of(model, held, noise_of(held))
+    wrong = model.with_effect("finite_actuator").replace(
+        truth | {"finite_actuator.J1": 3e-4, "finite_actuator.zeta1": 3.0}
+    )
+    begun = full_fit(wrong, task, 0.4)
+    found = settled(begun, task)
+    assert begun.typical > 2.0
+    assert found.typical == pytest.approx(1.0, abs=0.1)
+    assert found.model.parameters["finite_actuator.J1"].value == pytest.approx(1.1e-3, rel=0.05)
 
 
 @pytest.mark.slow

@@ -4,16 +4,21 @@ Closed forms of prescribed motions, written apart from the simulator."""
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data.experiment import experiments
+from lostmotion.lab.inverse import explain as search
+from lostmotion.lab.inverse.fitted import is_noise
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import generalised, regressed
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.selection.forward import selected
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
@@ -64,3 +69,29 @@ def test_friction_of_a_joint_that_its_neighbours_move(tmp_path: Path) -> None:
 
     assert named(32, COULOMB) == ["coulomb_friction"]
     assert named(43, 0.0) == []
+
+
+def test_what_predicts_the_last_recording_worse_is_not_preferred_as_it_is_whitened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A whitened search that drops the last effect of the plain one, with which the last recording is predicted better,
+    does not count."""
+    searches: list[tuple[str, ...]] = []
+
+    def searched(likelihood: Any, progress: Any, begun: Any = None) -> Any:
+        found = selected(likelihood, progress) if begun is None else replace(begun, fits=begun.fits[:-1], added=())
+        searches.append(found.added)
+        return found
+
+    monkeypatch.setattr(search, "selected", searched)
+    monkeypatch.setattr(search, "is_disturbed", lambda fit: True)
+    assert explained(tmp_path, BARE, [led(20, COULOMB, 0.0)])["missing"] == ["coulomb_friction"]
+    assert searches == [("coulomb_friction",), ()]
+
+
+def test_a_constant_residual_is_no_noise() -> None:
+    """A motor that turns at a steady speed leaves nothing else of a friction that is missing."""
+    rng = np.random.default_rng(0)
+    noise = 1e-3 * rng.standard_normal(1000)
+    assert is_noise(noise, 1e-3)
+    assert not is_noise(noise + 0.03, 1e-3)

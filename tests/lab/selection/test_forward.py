@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lostmotion.lab import policy
+from lostmotion.lab.deadline import within
 from lostmotion.lab.results import Ranked
 from lostmotion.lab.selection.backward import _is_enough, eliminated
 from lostmotion.lab.selection.evidence import Predictions
@@ -415,6 +416,19 @@ class Moved(Columns):
             return np.asarray((noise + off) ** 2)
 
         return Predictions(error(one), error(other), block)
+
+
+def test_without_time_what_the_last_recording_contradicts_is_not_named() -> None:
+    """No fit is made after the time, but those of the search are compared on the last recording: with the second effect
+    its error is larger by a factor of 1.3."""
+    columns = independent()
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    likelihood = Moved(noise + 2 * columns[FIRST] + columns[SECOND], columns)
+    fits = [likelihood.fit(effects) for effects in ([], [FIRST], [FIRST, SECOND])]
+    with within(-1.0):
+        search = eliminated(Selection(tuple(fits), (FIRST, SECOND), (), ()), likelihood, fits)
+    assert search.added == ()
+    assert search.fits == (fits[0],)
 
 
 def test_what_the_last_recording_contradicts_is_not_named() -> None:
