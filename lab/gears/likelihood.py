@@ -24,6 +24,7 @@ from lostmotion.lab.gears.score_test import Scores, score_test
 from lostmotion.lab.gears.trials import (
     FEW_STEPS,
     Trial,
+    delays,
     full_fits,
     full_trials,
     halving,
@@ -200,7 +201,7 @@ class ShortSegments:
         (1.46 and 1.48 times the noise); in those of the fits it leaves 1.54 and 1.48 (seed 5700)."""
         swapped = list(with_other_delays(fit.model, self.task))
         new = [effect for effect in fit.model.effects if effect not in now.model.effects]
-        if not swapped or not (now.is_far or any(get_effect(effect).delays_by for effect in new)):
+        if not swapped or not (now.is_far or any(delays(effect) for effect in new)):
             return fit
         trials = self._longer(full_fits([(fit.model.effects[-1], fit.model), *swapped], self.task, self.pool))
         found = [one for _, one in self._validated(trials, fit, Scores()).fits]

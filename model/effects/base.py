@@ -101,8 +101,9 @@ class Effect(EffectInfo):
     not searched: it has to predict better than they do; likelier, odds: another effect of its kind, which so many
     times as many machines have; speed_power: the power of the speed to which a damping is proportional; most_turns: a
     motion of more turns cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come
-    later by T; rests_by: the parameter, of its own or of the base, by which the place where a torque pulls the joint to
-    is fitted. words: its description for a person.
+    later by T; delay_rate: its parameter s where to first order it makes the reading come later by s times the time
+    since the sensor's clock was set; rests_by: the parameter, of its own or of the base, by which the place where a
+    torque pulls the joint to is fitted. words: its description for a person.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
@@ -127,6 +128,7 @@ class Effect(EffectInfo):
     speed_power: int | None = None
     most_turns: float = math.inf
     delays_by: str = ""
+    delay_rate: str = ""
     rests_by: str = ""
     words: Words | None = None
 
