@@ -215,13 +215,16 @@ class ShortSegments:
         return replace(kept, alike=tuple(pair for pair in pairs if pair))
 
     def _with_least_error(self, fits: Sequence[SegmentFit]) -> SegmentFit:
-        """The fit with the least error on those segments, fitted or not, that none of these fits misses; all have the
-        same segments."""
+        """Of the fits that miss the fewest segments, fitted or not, the one with the least error on those that none of
+        these misses; all have the same segments."""
         parts = [[*residuals(one.model, one.level.segments, self.task.substep_s), *one.unseen.parts] for one in fits]
         errors = np.array([[np.sqrt(np.mean(r**2)) for r in each] for each in parts])
-        is_followed = errors.max(axis=0) < policy.MISSED * np.median(errors)
+        is_missed = errors >= policy.MISSED * np.median(errors)
+        missed = is_missed.sum(axis=1)
+        few = np.flatnonzero(missed == missed.min())
+        is_followed = ~is_missed[few].any(axis=0)
         sizes = np.array([r.size for r in parts[0]])
-        return fits[int(np.argmin((errors[:, is_followed] ** 2) @ sizes[is_followed]))]
+        return fits[int(few[np.argmin((errors[few][:, is_followed] ** 2) @ sizes[is_followed])])]
 
     def refitted(self, model: Model, fit: SegmentFit) -> SegmentFit:
         """The fit of a model with less than another one, from its initial states.  It is grown to longer segments only

@@ -106,9 +106,10 @@ def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) ->
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials after fits on longer and longer segments, up to ``horizon_s`` [s]; at each length those are left out
     whose error is ``policy.BEHIND`` times that of the best (successive halving).  One for each effect, best first."""
-    trials = _settled(_best_of_each(_with_delays(full, task, pool)), task, pool)
+    trials = _best_of_each(full)
     if trials:
-        trials = _ordered([*_restarted(trials[0], task, pool), *trials[1:]])
+        first, *rest = _settled(_best_of_each(_with_delays(trials, task, pool)), task, pool)
+        trials = _ordered([*_restarted(first, task, pool), *rest])
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
         running = [trial for trial in trials if trial.level.typical < limit]
