@@ -86,8 +86,9 @@ def test_where_candidates_are_looked_for(
 ])  # fmt: skip
 def test_which_one_it_is(hidden: str, met: str, time_s: float, seed: int, length_s: float) -> None:
     """Whichever delay the search has met first, the one that is there is named, with its time; of a short one it is
-    told that a lag is alike (two of five seeds name the lag).  Unseen segments alone do not distinguish the last delay from a lag of the sensor.  Of a
-    lag in recordings of 0.85 s a delay is named for one or two seeds of three, with cubic and with quintic inputs."""
+    told that a lag is alike, and for three of five seeds a lag is named.  Unseen segments alone do not distinguish the
+    last delay from a lag of the sensor.  Of a lag in recordings of 0.85 s a delay is named for one or two seeds of
+    three, with cubic and with quintic inputs."""
     model = build_model("play", values=GEARS)
     recorded = [gears(seed + at, length_s, **{f"{hidden}.T": time_s}) for at in range(3)]
     *train, last = held = experiments(model, recorded)
