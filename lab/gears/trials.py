@@ -151,7 +151,8 @@ def with_other_delays(model: Model, task: Task, only: str = "") -> Iterator[tupl
         if (delay_s := model.parameters[name].value * unit_s) > 0.0:  # no lag may be zero
             for new in every:
                 own, own_unit_s = _delay_parameter(new, task)
-                yield new, in_place(model, old, new).replace({own: delay_s / own_unit_s})
+                other = in_place(model, old, new)
+                yield new, other.replace({own: other.parameters[own].clipped(delay_s / own_unit_s)})
 
 
 def delays(effect: str) -> bool:

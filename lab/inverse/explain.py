@@ -86,7 +86,7 @@ def _searched(
 
     The delay is estimated before any effect is known, and an effect that the model lacks may look like one, such as a
     ripple.  Where much is left, the search goes on with a whitened misfit, unless what it names predicts the last
-    recording worse: of a motor at twenty steady speeds it dropped a friction that took 0.033 to 0.0007 V (p = 1e-13).
+    recording worse: of a motor at four steady speeds it dropped a friction that took 0.033 to 0.0007 V (p = 1e-13).
     In ten other recordings with much left the whitened search predicts better or as well.
     """
 
