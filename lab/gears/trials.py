@@ -44,8 +44,6 @@ __all__ = [
 
 FEW_STEPS = 6
 """Steps of fits that only compare effects."""
-LEADING = 2
-"""Number of the trials with the least errors whose initial states are searched for until their errors stay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +106,9 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
     whose error is ``policy.BEHIND`` times that of the best (successive halving).  One for each effect, best first."""
     trials = _best_of_each(full)
     if trials:
-        first, *rest = _settled(_best_of_each(_with_delays(trials, task, pool)), task, pool)
-        trials = _ordered([*_restarted(first, task, pool), *rest])
+        first, *rest = _best_of_each(_with_delays(trials, task, pool))
+        level = settled(first.level, task)
+        trials = _ordered([*_restarted(replace(first, level=level, short=level), task, pool), *rest])
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
         limit = policy.BEHIND * max(trials[0].level.typical, 1.0)
         running = [trial for trial in trials if trial.level.typical < limit]
@@ -120,13 +119,6 @@ def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor)
             break
         trials = _ordered(longer)
     return _best_of_each(trials)
-
-
-def _settled(trials: Sequence[Trial], task: Task, pool: Executor) -> list[Trial]:
-    """The trials, of which the leading ones are ``settled``; best first."""
-    levels = pool.map(partial(settled, task=task), [trial.level for trial in trials[:LEADING]])
-    first = [replace(t, level=level, short=level) for t, level in zip(trials, levels, strict=False)]
-    return _ordered([*first, *trials[LEADING:]])
 
 
 def _with_delays(trials: Sequence[Trial], task: Task, pool: Executor) -> list[Trial]:

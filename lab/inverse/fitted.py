@@ -109,9 +109,10 @@ def is_noise(residual: FloatArray, floor: float) -> bool:
     """Whether a residual (M,) is no larger than the noise of the sensors within the band; floor: its root mean square.
 
     The lower end of a 95 % interval of its standard deviation is compared with ``policy.STRUCTURED`` times the noise.
-    The deviation from zero is estimated by the median absolute value, as that is robust to transients of the filter at
-    the ends of a recording; a constant residual counts, as that of a motor at a steady speed is nothing else.  Its
-    relative standard error is 1.17 / sqrt(N) for N independent normal values.
+    The deviation is that around the median, estimated by the median absolute deviation, as that is robust to transients
+    of the filter at the ends of a recording, and the median itself: the residual of a motor at a steady speed is
+    constant.  Its relative standard error is 1.17 / sqrt(N) for N independent normal values.
     """
-    spread = 1.4826 * float(np.median(np.abs(residual)))
+    middle = float(np.median(residual))
+    spread = math.hypot(middle, 1.4826 * float(np.median(np.abs(residual - middle))))
     return spread / (1 + 1.645 * 1.17 / math.sqrt(residual.size)) < policy.STRUCTURED * floor

@@ -39,7 +39,7 @@ NUMERICS = {
     "gears/explain.py": (2, "what a step costs, what is no recording of gears"),
     "gears/input_error.py": (1, "share of an error that is small beside the noise"),
     "gears/score_test.py": (1, "draws of a bootstrap"),
-    "gears/trials.py": (2, "steps of a fit, fits that are continued"),
+    "gears/trials.py": (1, "steps of a fit"),
     "gears/unseen.py": (1, "steps of a fit"),
     "inverse/candidates.py": (5, "first values and steps of a fit"),
     "inverse/first_values.py": (5, "zero angles, rounding, a small part of an effect, first values, shares of a step"),
