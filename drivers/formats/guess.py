@@ -8,6 +8,7 @@ import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
@@ -37,6 +38,20 @@ FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
+
+
+class _Axis(NamedTuple):
+    """What is said of a motion that is asked for: its column, that of what drives it, units, and what it is."""
+
+    motion: str
+    drive: str
+    units: str
+    speeds: str
+    kind: str
+
+
+TURN = _Axis("position", "torque", "rad; else :deg, :mm", ":rad/s, :rpm", "an angle")
+LINE = _Axis("displacement", "force", "m; else :mm", ":m/s", "a place")
 
 Spans = Callable[[Sequence[str]], Mapping[str, tuple[float, float]]]
 """The least and the largest number of series, by their names."""
@@ -103,8 +118,8 @@ def guessed(
     chosen, notes = chosen | more, notes + told
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
-        advice = _several(notes) or _advice(series, clock, moving or {}, spans)
-        advice = _along_line(advice) if choice.is_linear else advice
+        axis = LINE if choice.is_linear else TURN
+        advice = _several(notes) or _advice(series, clock, moving or {}, spans, axis)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     used = {one.series for one in chosen.values()}
     if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
@@ -173,46 +188,34 @@ def mapped(column: str, series: str, unit: str = "") -> str:
     return f"--map {shlex.quote(f'{column}={shown(series)}{unit}')}"
 
 
-def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans) -> str:
+def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, axis: _Axis) -> str:
     """What to type where no column was found."""
     if all(is_time(one.name) or one.name == clock for one in series):
         return "it holds times only; join it with the file of the motion: MOTION+FILE"
     if rows := moving.get("rows"):
-        address = f"FILE#rate-hz={rows},position={shown(moving['perhaps'])}"
+        address = f"FILE#rate-hz={rows},{axis.motion}={shown(moving['perhaps'])}"
         others = [one.name for one in series if one.name not in (moving["perhaps"], moving["rate"])]
         if len(others) == 1:
-            drives = f"{shlex.quote(f'{address},torque={shown(others[0])}')}, if {shown(others[0])} is the torque"
+            driven = shlex.quote(f"{address},{axis.drive}={shown(others[0])}")
+            drives = f"{driven}, if {shown(others[0])} is the {axis.drive}"
         else:
-            drives = f"{shlex.quote(address)}, and a torque as torque=SERIES"
+            drives = f"{shlex.quote(address)}, and a {axis.drive} as {axis.drive}=SERIES"
         return f"{moving['why']}, if there are {rows} rows a second: {drives}"
     if why := moving.get("why"):
-        position, torque = mapped("position", moving["perhaps"]), mapped("torque", "SERIES")
-        return f"{why}: assign one of them, as in {position}, and what drives it, as in {torque}"
-    example = _example(series, clock, moving, spans)
+        motion, drive = mapped(axis.motion, moving["perhaps"]), mapped(axis.drive, "SERIES")
+        return f"{why}: assign one of them, as in {motion}, and what drives it, as in {drive}"
+    example = _example(series, clock, moving, spans, axis)
     if rough := moving.get("rough"):
         said = f"{shown(rough)} neither swings nor keeps its speed, as what has an inertia does"
-        return f"{said}; if it is an angle all the same, use {example} (rad; else :deg, :mm, *FACTOR for counts)"
-    return f"assign them, as in {example} (rad; else :deg, :mm, *FACTOR for counts; a speed: :rad/s, :rpm)"
+        return f"{said}; if it is {axis.kind} all the same, use {example} ({axis.units}, *FACTOR for counts)"
+    return f"assign them, as in {example} ({axis.units}, *FACTOR for counts; a speed: {axis.speeds})"
 
 
-def _along_line(advice: str) -> str:
-    """The same advice for a motion along a line."""
-    other = {
-        "position=": "displacement=",
-        "torque": "force",
-        "(rad; else :deg, :mm": "(m; else :mm",
-        ":rad/s, :rpm": ":m/s",
-    }
-    for angular, linear in other.items():
-        advice = advice.replace(angular, linear)
-    return advice.replace("if it is an angle", "if it is a place")
-
-
-def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans) -> str:
+def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, axis: _Axis) -> str:
     """How the first series that changes would be assigned, or the one that swings, and the next one as what drives it,
     or the one whose name says so; without times the one that ascends (``rising``) as these."""
     if swings := moving.get("perhaps", ""):
-        return mapped("position", swings, _degrees(spans([swings])[swings]))
+        return mapped(axis.motion, swings, _degrees(spans([swings])[swings]))
     named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     known = spans(named_so)
     names = [one for one in named_so if known[one][0] < known[one][1]] or named_so
@@ -221,15 +224,15 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
         others = [one for one in names if one not in (rising, moving.get("counting"))] or names
         moves = next((one for one in others if not is_input(one)), others[0])
         unit = _degrees(known[moves])
-        without = shlex.quote(f"FILE#rate-hz=100,position={shown(moves)}{unit}")
+        without = shlex.quote(f"FILE#rate-hz=100,{axis.motion}={shown(moves)}{unit}")
         if not rising:
             return f"{without}, if there are 100 rows a second"
-        given = f"{mapped('time', rising, moving['steps'])} {mapped('position', moves, unit)}"
+        given = f"{mapped('time', rising, moving['steps'])} {mapped(axis.motion, moves, unit)}"
         return f"{given}, or without times, if there are 100 rows a second, {without}"
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
     first, *rest = sorted(names, key=lambda one: (_may_drive(one), has_input and one != "y")) or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
-        return mapped(column, first)
+        return mapped({"position": axis.motion, "torque": axis.drive}.get(column, column), first)
     is_speed = re.search("velo|speed", first, re.IGNORECASE)
     drives = [one for one in rest if _may_drive(one)] or rest
     if not all(_may_be_position(one) for one in series if one.name == first):
@@ -238,9 +241,9 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
         unit = ""
     else:
         unit = ":rad/s" if is_speed else _degrees(known.get(first, (-math.inf, math.inf)))
-    driven = "force" if FORCE in drives[:1] else "torque"
+    driven = "force" if FORCE in drives[:1] else axis.drive
     return ", and ".join(
-        [mapped("position", first, unit), *(f"a {driven} {mapped(driven, one)}" for one in drives[:1])]
+        [mapped(axis.motion, first, unit), *(f"a {driven} {mapped(driven, one)}" for one in drives[:1])]
     )
 
 

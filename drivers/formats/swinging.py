@@ -58,7 +58,7 @@ def is_smooth(values: FloatArray) -> bool:
         speed = np.diff(known[::length])
         if np.std(speed) < STEADY * abs(np.mean(speed)):
             return True
-        if np.ptp(speed[1:]) > 0 < np.ptp(speed[:-1]) and np.corrcoef(speed[1:], speed[:-1])[0, 1] > SMOOTH:
+        if min(np.ptp(speed[1:]), np.ptp(speed[:-1])) > 0 and np.corrcoef(speed[1:], speed[:-1])[0, 1] > SMOOTH:
             return True
     return False
 

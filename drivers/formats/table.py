@@ -35,10 +35,11 @@ SELDOM = 0.01
 recordings of a motor"""
 TURN = 0.05
 """of a turn: how far the range of an angle that begins anew may be from one"""
-MOST_IN_TURN, SAME = 8, 0.01
-"""Series in turn in one column, up to which these are looked for, and the variance of their steps as a share of that
-from row to row: 1e-6 of the angles of an arm.  A swing of eight samples a period and more has smaller steps."""
 ORDINALS = ("", "", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
+"""of the rows from one value of a series to its next, where one column holds several in turn"""
+SAME = 0.01
+"""Variance of the steps of such series as a share of that from row to row: 1e-6 of the angles of an arm.  A swing of
+eight samples a period and more has smaller steps."""
 MOST_LOOKED_AT = 50
 """series among which a time without a name is looked for"""
 LOOKS_LIKE = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
@@ -147,7 +148,7 @@ class Table:
         """What to do with one column that holds several series in turn; "" where it does not."""
         name = next(iter(self._steps), "")
         values = np.cumsum(self._steps[name]) if len(self.series) == 1 and name else np.empty(0)
-        jumps = {k: float(np.var(values[k:] - values[:-k])) for k in range(1, MOST_IN_TURN + 1) if values.size > 4 * k}
+        jumps = {k: float(np.var(values[k:] - values[:-k])) for k in range(1, len(ORDINALS)) if values.size > 4 * k}
         if not jumps or not min(jumps.values()) < SAME * jumps[1]:
             return ""
         many = next(k for k, each in jumps.items() if each < SAME * jumps[1])
@@ -223,6 +224,11 @@ def _counts_rows(column: Array) -> bool:
     return values.size > LEAST_ROWS and values[0] in (0, 1) and bool((np.diff(values) == 1).all())
 
 
+def _spans_turn(values: Array) -> bool:
+    """Whether the range of numbers is a turn, in degrees, rad or turns."""
+    return any(abs(float(np.ptp(values)) / turn - 1) < TURN for turn in (360.0, 2 * np.pi, 1.0))
+
+
 def _ascends(column: Array, may_repeat: bool = False, may_begin_anew: bool = False) -> bool:
     """Whether numbers ascend in steps of one size, which may be those of a time; may_repeat: some of them may stand
     twice; may_begin_anew: they may be seconds of several runs, and no angle that begins anew at each turn."""
@@ -230,8 +236,8 @@ def _ascends(column: Array, may_repeat: bool = False, may_begin_anew: bool = Fal
     if may_repeat:
         values = values[np.concatenate([[True], np.diff(values) != 0])]
     steps = np.diff(values)
-    is_turn = any(abs(np.ptp(values) / turn - 1) < TURN for turn in (360.0, 2 * np.pi, 1.0)) if may_begin_anew else True
-    anew = np.count_nonzero(~(steps > 0)) if _counted(values) or not is_turn else 0  # a clock may begin anew
+    may_begin_anew = may_begin_anew and not _spans_turn(values)
+    anew = np.count_nonzero(~(steps > 0)) if _counted(values) or may_begin_anew else 0
     if steps.size < LEAST_ROWS * (1 + anew) or not (anew or (steps > 0).all()):
         return False
     usual = float(np.median(steps))

@@ -64,8 +64,9 @@ def used(model: str, recordings: Files) -> Iterator[tuple[Model, tuple[Experimen
 
     file = modelfile.load(model)
     try:
-        read = recordings.read(file.build().base)
-        built = file.build(bar_of(file.build(), read))
+        bare = file.build()
+        read = recordings.read(bare.base)
+        built = file.build(bar_of(bare, read))
         with _merged_warnings():
             for recording in read:
                 warn_of_units(recording)

@@ -222,13 +222,11 @@ def settled(level: Level, task: Task) -> Level:
     values, and from each of them after two to four rounds at 0.8 (seed 7200); of nine fits to simulated gears with a
     finite actuator two had the error of the noise before, and six have it now.
     """
-    while not is_over():
+    before = math.inf
+    while level.typical <= math.sqrt(1 - policy.LEAST_GAIN) * before and not is_over():
+        before = level.typical
         again = repaired_fit(level.model, level.unknowns, level.segments, task)
-        if again.typical >= level.typical:
-            break
-        before, level = level.typical, again
-        if level.typical > math.sqrt(1 - policy.LEAST_GAIN) * before:
-            break
+        level = min(level, again, key=lambda one: one.typical)
     return level
 
 

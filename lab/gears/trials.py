@@ -104,9 +104,9 @@ def full_fits(begin: Sequence[tuple[str, Model]], task: Task, pool: Executor) ->
 def halving(full: Sequence[Trial], task: Task, horizon_s: float, pool: Executor) -> list[Trial]:
     """The trials after fits on longer and longer segments, up to ``horizon_s`` [s]; at each length those are left out
     whose error is ``policy.BEHIND`` times that of the best (successive halving).  One for each effect, best first."""
-    trials = _best_of_each(full)
+    trials = _best_of_each(_with_delays(full, task, pool))
     if trials:
-        first, *rest = _best_of_each(_with_delays(trials, task, pool))
+        first, *rest = trials
         level = settled(first.level, task)
         trials = _ordered([*_restarted(replace(first, level=level, short=level), task, pool), *rest])
     while trials and trials[0].level.horizon_s * LONGER < horizon_s:
@@ -125,9 +125,11 @@ def _with_delays(trials: Sequence[Trial], task: Task, pool: Executor) -> list[Tr
     """The trials, and fits of the other effects that delay a signal, from the delay of the best such trial: to first
     order they are the same, so that what proposes candidates orders them by chance.  A lag of the sensor that leaves
     a twelfth of the squared error was not proposed beside a delay and a lag of the actuator (seed 7200)."""
-    tried = {trial.effect for trial in trials}
     best = next((trial for trial in _ordered(trials) if delays(trial.effect)), None)
-    found = with_other_delays(best.level.model, task, best.effect) if best else ()
+    if best is None:
+        return [*trials]
+    tried = {trial.effect for trial in trials}
+    found = with_other_delays(best.level.model, task, best.effect)
     return [*trials, *full_fits([(effect, model) for effect, model in found if effect not in tried], task, pool)]
 
 

@@ -293,10 +293,10 @@ def _bounds(unknowns: Unknowns, data: Problem) -> tuple[FloatArray, FloatArray]:
 def can_run(model: Model, signals: Sequence[Signals]) -> bool:
     """Whether the model can be simulated, which it cannot where a fit has reduced its inertia to zero.  The beginnings
     show it: of friction behind a play of 40 µrad a whole second takes half a minute."""
-    recorded = [one.experiment for one in signals]
     try:
-        for one in (each.between(each.time[0], each.time[:BEGINNING][-1]) for each in recorded):
-            one.model(model).simulate(one.drive, one.time, shortest_s=SHORTEST_S)
+        for whole in (one.experiment for one in signals):
+            begun = whole.between(whole.time[0], whole.time[:BEGINNING][-1])
+            begun.model(model).simulate(begun.drive, begun.time, shortest_s=SHORTEST_S)
     except ModelError:
         return False
     return True

@@ -142,6 +142,12 @@ def test_numbers_that_agree_are_one_rate(tmp_path: Path) -> None:
     assert "give the rows a second" in told(path, "--map", "displacement=Output", "-o", str(tmp_path / "x.csv"))
 
 
+def test_a_motion_along_a_line_is_asked_for_by_the_names_of_the_file(tmp_path: Path) -> None:
+    """A series whose name has that of another column in it keeps its name in the advice."""
+    path = table(tmp_path / "line.csv", T, 0.01 * np.sin(5 * T), np.cos(5 * T), head="time,Output,torquemeter")
+    assert "--map displacement=Output, and a force --map force=torquemeter" in explained("oscillator", path)
+
+
 def test_a_drive_exports_demand_and_actual_value(tmp_path: Path) -> None:
     """Its times have a unit and no name; the increments of its encoder are asked about."""
     goal = np.rint(25000 + 50 * SWING)
