@@ -18,15 +18,16 @@ import numpy as np
 
 from lostmotion.lab.comparison.residual_analysis import Prediction
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import noise_floor
+from lostmotion.lab.inverse.torques import acceleration, noise_floor
 from lostmotion.lab.results import Finding
 from lostmotion.lab.shooting.parameters import held
-from lostmotion.model import Model, Trajectory
+from lostmotion.model import Model, Trajectory, build_model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["TORQUE", "needed_torques"]
@@ -46,9 +47,29 @@ def needed_torques(
     signals = [channel.signals(one) for one in experiments]
     data = InverseModel.of(signals, model)
     fit = regressed(held(model, model.parameters), data)  # fits the zero angles only
-    pairs = zip(data.shifted(fit.nuisance), data.needed(model, fit.nuisance), strict=True)
+    pairs = list(zip(data.shifted(fit.nuisance), data.needed(model, fit.nuisance), strict=True))
+    for one, torque in pairs:
+        _check_finite(model, one, torque)
     predictions = [_prediction(one, torque) for one, torque in pairs]
     return predictions, max(noise_floor(one, model) for one in signals), described(fit)
+
+
+def _check_finite(model: Model, signals: Signals, torque: FloatArray) -> None:
+    """Raises ExperimentError where an effect has no finite torque for the measured motion."""
+    if np.isfinite(torque).all():
+        return
+    found = {name: np.flatnonzero(~np.isfinite(_of_effect(model, name, signals))) for name in model.effects}
+    name, at = next(((name, every[0]) for name, every in found.items() if every.size), (model.base, 0))
+    raise ExperimentError(
+        f"{signals.experiment.name}: found no finite torque of {name} with theta = {signals.position[at]:.4g}, "
+        f"omega = {signals.velocity[at]:.4g}, expected one wherever the joint moves"
+    )
+
+
+def _of_effect(model: Model, name: str, signals: Signals) -> FloatArray:
+    """The acceleration of the joint with this effect alone (N,) [rad/s²]."""
+    own = {key: value for key, value in model.parameters.items() if key.startswith(f"{name}.")}
+    return acceleration(build_model(model.base, (name,), own), signals, np.zeros(signals.time.size))
 
 
 def _prediction(signals: Signals, torque: FloatArray) -> Prediction:

@@ -12,6 +12,7 @@ parameters of the base.
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,12 +47,14 @@ class Origin:
 class OwnEffect(Effect):
     """An effect from a user-defined function.
 
-    origin: None for one that was made in a notebook; note: why it runs in plain Python, or None when it is compiled.
+    origin: None for one that was made in a notebook; note: why it runs in plain Python, or None when it is compiled;
+    undefined: where it has no finite value, in words, "" if it has one at all points that were tried.
     """
 
     declared: Declared
     origin: Origin | None
     note: str | None
+    undefined: str = ""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles the text, or else the function, as compiled code is not valid in another process."""
@@ -82,7 +85,9 @@ def effect(
         if not inspect.isfunction(function) or not function.__name__.isidentifier():
             raise EffectFileError(f"@effect stands on {function!r}, expected a function with a name (def …)")
         on = (bases,) if isinstance(bases, str) else None if bases is None else tuple(bases)
-        own_effect(Declared(function, acts_on, dict(parameters), on, tuple(states)))
+        found = own_effect(Declared(function, acts_on, dict(parameters), on, tuple(states)))
+        if found.origin is None and found.undefined:  # in a notebook; that of a file is told by who loads it
+            warnings.warn(found.undefined, stacklevel=2)
         return function
 
     return decorate
@@ -96,14 +101,14 @@ def own_effect(declared: Declared) -> OwnEffect:
         raise EffectFileError(f"{name}: the catalogue has an effect of that name; give the function another one")
     entry, arguments = declared.entry, declared.arguments()
     on = declared.on(arguments)
-    try_out(name, declared.function, arguments, {**BASES[on[0]].parameters, **declared.parameters})
-    found = _effect(declared, arguments, on, build(name, declared.function, arguments, entry))
+    undefined = try_out(name, declared.function, arguments, {**BASES[on[0]].parameters, **declared.parameters})
+    found = _effect(declared, arguments, on, build(name, declared.function, arguments, entry), undefined)
     unregister(name)
     register(found)
     return found
 
 
-def _effect(declared: Declared, arguments: Arguments, on: tuple[str, ...], built: Built) -> OwnEffect:
+def _effect(declared: Declared, arguments: Arguments, on: tuple[str, ...], built: Built, undefined: str) -> OwnEffect:
     function, where = declared.function, ActsOn(declared.acts_on)
     first, _, rest = (inspect.getdoc(function) or "").partition("\n")
     terms = tuple(Term(target, kernel, arguments.values) for target, kernel in built.kernels)
@@ -121,4 +126,5 @@ def _effect(declared: Declared, arguments: Arguments, on: tuple[str, ...], built
         declared=declared,
         origin=function.__globals__.get(ORIGIN),
         note=built.note,
+        undefined=undefined,
     )

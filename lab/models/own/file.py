@@ -7,6 +7,7 @@ other files beside it, because only its text is sent to the workers of a cluster
 from __future__ import annotations
 
 import linecache
+import logging
 import os
 import traceback
 from pathlib import Path
@@ -21,6 +22,8 @@ from lostmotion.model import ModelError
 from lostmotion.model.effects.registry import find
 
 __all__ = ["is_reference", "load_effect", "reference", "restored"]
+
+log = logging.getLogger(__name__)
 
 
 def is_reference(text: str) -> bool:
@@ -38,7 +41,10 @@ def load_effect(text: str, folder: Path = Path()) -> OwnEffect:
     if not file:
         one_of = _effects(_run(origin))
         raise EffectFileError(f"{text}: names no function, expected {text}:FUNCTION with one of {one_of}")
-    return restored(origin, name)
+    found = restored(origin, name)
+    if found.undefined:
+        log.warning("%s: %s; such a motion cannot be simulated with it", origin.path.name, found.undefined)
+    return found
 
 
 def reference(effect: OwnEffect, folder: Path) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,19 +18,37 @@ __all__ = ["try_out"]
 TRIED = 25
 
 
-def try_out(name: str, function: Callable[..., Any], arguments: Arguments, parameters: Mapping[str, Parameter]) -> None:
-    """Raises EffectFileError where the function raises or returns no finite number, at rest or at another point."""
+def try_out(name: str, function: Callable[..., Any], arguments: Arguments, parameters: Mapping[str, Parameter]) -> str:
+    """What the function does at points where it has no finite value, and where these are, in words; "" without any.
+
+    Raises EffectFileError where it raises or returns no finite number at rest, or at every other point.
+    """
     values = {key: parameter.value for key, parameter in parameters.items()}
     rest, *moving = (dict(zip(arguments.names, row, strict=True)) for row in points(arguments, values, TRIED).tolist())
     _try(name, function, arguments, rest)
-    refused = []
-    for point in moving:
+    refused = dict[int, EffectFileError]()
+    for at, point in enumerate(moving):
         try:
             _try(name, function, arguments, point)
         except EffectFileError as error:
-            refused.append(error)
+            refused[at] = error
+    if not refused:
+        return ""
+    first = next(iter(refused.values()))
     if len(refused) == len(moving):
-        raise refused[0]
+        raise first
+    sound = [rest, *(point for at, point in enumerate(moving) if at not in refused)]
+    return f"{first}{_where([moving[at] for at in refused], sound, arguments.signals)}"
+
+
+def _where(refused: Sequence[Mapping[str, float]], sound: Sequence[Mapping[str, float]], signals: Sequence[str]) -> str:
+    """The range of the first signal, or of its magnitude, that tells the points that were refused from the others."""
+    for written, of in (("{}", float), ("|{}|", abs)):
+        for key in signals:
+            bad, good = ([of(point[key]) for point in some] for some in (refused, sound))
+            if max(bad) < min(good) or min(bad) > max(good):
+                return f"; so it is wherever {written.format(key)} was {min(bad):.3g} to {max(bad):.3g}"
+    return f"; so it is at {len(refused)} of {len(refused) + len(sound)} points that were tried"
 
 
 def _try(name: str, function: Callable[..., Any], arguments: Arguments, point: Mapping[str, float]) -> None:

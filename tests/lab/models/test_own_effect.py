@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
+from lostmotion.daemon.cli import cli
 from lostmotion.lab.errors import EffectFileError
 from lostmotion.lab.models.own import OwnEffect, load_effect
 from lostmotion.model import HandWaved, ModelError, Sine, Trajectory, build_model
@@ -322,3 +325,23 @@ def test_step_follows_the_load(tmp_path: Path) -> None:
         build_model("joint", ["mine"]).simulate(Sine(3.0, torque), TIMES).substep_s for torque in (1e-3, 0.1)
     )
     assert hard <= gentle / 32
+
+
+def test_where_an_effect_has_no_value_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The warning names the effect and the values of the state; a motion that comes there is refused in one line."""
+    (tmp_path / "root.py").write_text(
+        "import math\nfrom lostmotion.lab import Parameter, effect\n\n"
+        "@effect('joint', parameters={'c': Parameter(0.01, 'N m', 0, 1)})\n"
+        "def root(omega, c):\n    return -c * math.sqrt(omega) if omega >= 0 else math.nan\n"
+    )
+    (tmp_path / "model.toml").write_text('base = "joint"\neffects = ["root.py:root"]\n')
+    (tmp_path / "plain.toml").write_text('base = "joint"\neffects = ["viscous_friction"]\n')
+    model, plain, file = (str(tmp_path / name) for name in ("model.toml", "plain.toml", "motion.csv"))
+    motion = ("--motion", "chirp:0.5,2,10,0.01", "--duration", "10", "--rate-hz", "100", "--noise", "1e-5")
+    made = CliRunner().invoke(cli, ["simulate", plain, "-o", file, *motion])
+    assert made.exit_code == 0, made.output
+    told = CliRunner().invoke(cli, ["lab", "compare", model, file])
+    assert told.exit_code == 2
+    assert "root: returned nan, expected a finite number, at omega = -2.83, c = 0.01" in caplog.text
+    assert "so it is wherever omega was -2.83 to -0.085" in caplog.text
+    assert re.search(r"found no finite torque of root with theta = \S+, omega = -0\.\d+, expected one", told.stderr)
