@@ -7,17 +7,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lostmotion.drivers.base import FloatArray
-from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, Chosen, mapped
+from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, POWERS, Chosen, mapped
 from lostmotion.drivers.formats.rates import are_of_one_array, factor_of
 from lostmotion.drivers.formats.source import Part, Series, shown
-from lostmotion.drivers.formats.words import column_of, is_input, is_sent, joint_of, says_nothing, without_joint
+from lostmotion.drivers.formats.words import (
+    column_of,
+    is_asked_speed,
+    is_input,
+    is_sent,
+    joint_of,
+    says_nothing,
+    without_joint,
+)
 
-__all__ = ["LEVELS", "held", "undriven", "unnamed", "unused"]
+__all__ = ["LEAST", "LEVELS", "held", "undriven", "unnamed", "unused"]
 
 RARE = 0.1
 """messages of a command for each of the readings, below which the drive holds a value until the next one: of nine
 recordings of a motor six have at most 0.0013, which changes a few times, and three, which follow a sine, 1.2"""
-POWERS = DRIVES - {"command"}
 MOST = 8
 """of them are read"""
 LEVELS, LEAST = 8, 100
@@ -55,9 +62,15 @@ def unused(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Ser
         told = told or [_drives(name) for name in _sent(others, moved[0])]
         said = f"{silent.column}: {shown(silent.series)} is zero throughout; if another one drives it, use"
         return [f"{said} {option}" for option in told[:1]]
-    return [
+    told = [
         f"{shown(name)} is not used, and the motion is taken as free; if that drives it, use {_drives(name)}"
         for name in _sent(others, moved[0])[:1]
+    ]
+    asked = [name for name in _of_joint(others, moved[0]) if is_asked_speed(name)]
+    return told or [
+        f"{shown(name)} is a speed that is asked for, so that a motor drives the motion, which is taken as free; its "
+        f"torque, current or voltage is needed: {mapped('torque', 'SERIES')}"
+        for name in asked[:1]
     ]
 
 
@@ -103,9 +116,14 @@ def _levels(values: FloatArray) -> int:
 def _sent(names: Sequence[str], moved: str) -> list[str]:
     """Those that are commands of no other joint than that of the series that moves; those of a torque first, of goals
     last."""
-    joints = {joint_of(name) for name in names if column_of(name) in MOTIONS} - {joint_of(moved)}
-    found = [name for name in names if is_sent(name) and joint_of(name) not in joints and _power_of(name)]
+    found = [name for name in _of_joint(names, moved) if is_sent(name) and _power_of(name)]
     return sorted(found, key=lambda name: column_of(name) == "command")
+
+
+def _of_joint(names: Sequence[str], moved: str) -> list[str]:
+    """Those of no other joint than that of the series that moves."""
+    joints = {joint_of(name) for name in names if column_of(name) in MOTIONS} - {joint_of(moved)}
+    return [name for name in names if joint_of(name) not in joints]
 
 
 def _power_of(name: str) -> str:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import DATE, Choice, Series, Term, shown
 from lostmotion.drivers.formats.words import (
+    UNNAMED,
     column_of,
     is_angle,
     is_commanded,
@@ -28,12 +29,13 @@ from lostmotion.drivers.formats.words import (
 )
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS, to_si
 
-__all__ = ["DRIVES", "MOTIONS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "unknown"]
+__all__ = ["DRIVES", "MOTIONS", "POWERS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "unknown"]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
 MOTIONS = {"position", "displacement"}
-DRIVES = {"command", "torque", "force", "current", "voltage"}
+POWERS = {"torque", "force", "current", "voltage"}
+DRIVES = {"command", *POWERS}
 FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
 SHOWN = 12
@@ -104,6 +106,7 @@ def guessed(
     for column, term in choice.terms.items():
         if term.name and column != "time":
             chosen[column] = _chosen(column, *named(term, series, joint, name), "given")
+    candidates = _beside_given(candidates, chosen)
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if moving and column in moving and (column == "accel" or not MOTIONS & {*chosen}):
@@ -127,6 +130,18 @@ def guessed(
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
 
 
+def _beside_given(candidates: Mapping[str, Sequence[Series]], given: Mapping[str, Chosen]) -> dict[str, list[Series]]:
+    """The candidates without series that were given as another column, and without what drives, where that was given:
+    a voltage that a person chose is not outranked by a current of which only the name is known."""
+    taken = {one.series for one in given.values()}
+    is_driven = bool(POWERS & {*given})
+    return {
+        column: [one for one in found if one.name not in taken]
+        for column, found in candidates.items()
+        if not (is_driven and column in POWERS)
+    }
+
+
 def _eliminated(
     series: Sequence[Series], choice: Choice, clock: str, chosen: Mapping[str, Chosen], rough: str
 ) -> dict[str, Chosen]:
@@ -134,6 +149,7 @@ def _eliminated(
     that of another quantity, or it does not move as an angle does (``rough``)."""
     used = {one.series for one in chosen.values()}
     rest = [one for one in _unnamed(series, clock) if one.name not in used]
+    rest = [one for one in rest if not is_other(one.name)] or rest  # the error beside an output is none
     if {*chosen} - {"command"} or len(rest) != 1 or MOTIONS & {*choice.terms}:
         return {}
     (one,) = rest
@@ -192,6 +208,9 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
     """What to type where no column was found."""
     if all(is_time(one.name) or one.name == clock for one in series):
         return "it holds times only; join it with the file of the motion: MOTION+FILE"
+    known = spans([one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE])
+    if known and all(low == high for low, high in known.values()):
+        return "nothing in it changes; was something recorded?"
     if rows := moving.get("rows"):
         address = f"FILE#rate-hz={rows},{axis.motion}={shown(moving['perhaps'])}"
         others = [one.name for one in series if one.name not in (moving["perhaps"], moving["rate"])]
@@ -207,7 +226,8 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
     example = _example(series, clock, moving, spans, axis)
     if rough := moving.get("rough"):
         said = f"{shown(rough)} neither swings nor keeps its speed, as what has an inertia does"
-        return f"{said}; if it is {axis.kind} all the same, use {example} ({axis.units}, *FACTOR for counts)"
+        kind = axis.kind if speed_of(rough) is None else "the speed of one"
+        return f"{said}; if it is {kind} all the same, use {example} ({axis.units}, *FACTOR for counts)"
     return f"assign them, as in {example} ({axis.units}, *FACTOR for counts; a speed: {axis.speeds})"
 
 
@@ -229,22 +249,39 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
             return f"{without}, if there are 100 rows a second"
         given = f"{mapped('time', rising, moving['steps'])} {mapped(axis.motion, moves, unit)}"
         return f"{given}, or without times, if there are 100 rows a second, {without}"
+    return _pair(names, series, moving.get("input", ""), known, axis)
+
+
+def _pair(
+    names: Sequence[str], series: Sequence[Series], switched: str, known: Mapping[str, tuple[float, float]], axis: _Axis
+) -> str:
+    """How the first of these would be assigned as the motion, and another one as what drives it: an input by its name,
+    or the one that is ``switched``; known: the least and the largest number of each."""
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
-    first, *rest = sorted(names, key=lambda one: (_may_drive(one), has_input and one != "y")) or ["SERIES"]
+    ranked = sorted(names, key=lambda one: (one == switched, _may_drive(one), has_input and one != "y"))
+    first, *others = ranked or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
         return mapped({"position": axis.motion, "torque": axis.drive}.get(column, column), first)
-    is_speed = re.search("velo|speed", first, re.IGNORECASE)
-    drives = [one for one in rest if _may_drive(one)] or rest
+    rest = [one for one in others if not is_other(one) and not _are_alike(one, first)]
+    drives = [one for one in rest if _may_drive(one)] or [one for one in rest if one == switched] or rest
+    is_forced = FORCE in drives[:1]
+    is_speed = re.search("velo|speed", first, re.IGNORECASE) or (is_forced and first == "v")
     if not all(_may_be_position(one) for one in series if one.name == first):
         unit = "*FACTOR"
-    elif unit_of(first, "position") or FORCE in drives[:1]:
-        unit = ""
+    elif is_speed:
+        unit = ":m/s" if is_forced else ":rad/s"
     else:
-        unit = ":rad/s" if is_speed else _degrees(known.get(first, (-math.inf, math.inf)))
-    driven = "force" if FORCE in drives[:1] else axis.drive
+        has_unit = unit_of(first, "position") or is_forced
+        unit = "" if has_unit else _degrees(known.get(first, (-math.inf, math.inf)))
+    driven = "force" if is_forced else axis.drive
     return ", and ".join(
         [mapped(axis.motion, first, unit), *(f"a {driven} {mapped(driven, one)}" for one in drives[:1])]
     )
+
+
+def _are_alike(name: str, other: str) -> bool:
+    """Whether two names differ by their numbers only, as those of two joints do: ``joint1`` and ``joint2``."""
+    return not UNNAMED.fullmatch(name) and "[" not in name and re.sub(r"\d", "", name) == re.sub(r"\d", "", other)
 
 
 def _may_drive(name: str) -> bool:
@@ -400,9 +437,10 @@ def _has_unit(one: Series, column: str) -> bool:
 
 
 def _may_be_position(one: Series) -> bool:
-    """Whether the unit of a series, if it is known, is that of a place or of a speed."""
+    """Whether the unit of a series, if it is known, is that of a place or of a speed; a share of something is none."""
     unit = to_si(one.unit or unit_of(one.name, "position"))
-    return unit is None or unit[0] in ("rad", "m", "rad/s", "m/s")
+    is_share = one.unit == "%" or one.name.rstrip().endswith(("(%)", "[%]"))
+    return not is_share if unit is None else unit[0] in ("rad", "m", "rad/s", "m/s")
 
 
 def _some(names: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.commands import LEVELS
+from lostmotion.drivers.formats.commands import LEAST, LEVELS
 from lostmotion.drivers.formats.guess import MOTIONS
 from lostmotion.drivers.formats.rates import EVEN, Rate, rates
 from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
@@ -55,7 +55,7 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
     x and y of a film the displacement, and of columns that no name tells the position, if only one swings; if several
     do, the one that moves most (``perhaps``).  Before that the only one of which another one is the speed, with its
     ``unit``, and ``why``.  Without times the one that may be these (``rising``) in its unit (``steps``), and the first
-    that counts the rows (``counting``)."""
+    that counts the rows (``counting``).  An ``input`` that is switched is told, too."""
     found: dict[str, str] = {}
     if not table.clock and not table.times:
         found = dict(zip(("rising", "steps"), table.rising or (), strict=False))
@@ -70,6 +70,7 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
         return {"perhaps": changing[0].of, "why": told} | (
             {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor:.3g}'):g}", "rate": changing[0].speed}
         )
+    found |= _switched(table)
     speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
     unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
     axes = {
@@ -104,6 +105,21 @@ def _changing(table: Table, choice: Choice) -> tuple[list[Rate], bool]:
     most = max(times.size for times, _ in read.values())
     whole = {name: values for name, (times, values) in read.items() if times.size == most}
     return rates(whole, next(times for times, _ in read.values() if times.size == most)), True
+
+
+def _switched(table: Table) -> dict[str, str]:
+    """Of series of which no name tells a column, the first with a few values, as an ``input`` that is switched has."""
+    names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
+    if any(map(column_of, names)) or not 1 < len(names) <= MOST_LOOKED_AT:
+        return {}
+    loaded = {name: np.asarray(values, dtype=float) for name, values in table.load(names).items()}
+    few = [name for name in names if _changes(loaded[name]) and loaded[name].size >= LEAST and _are_few(loaded[name])]
+    return {"input": few[0]} if 0 < len(few) < len(names) else {}
+
+
+def _are_few(values: FloatArray) -> bool:
+    """Whether numbers have a few values only."""
+    return np.unique(values[np.isfinite(values)]).size <= LEVELS
 
 
 def _alike(table: Table, rate: Rate) -> list[str]:
@@ -142,7 +158,7 @@ def _is_wrapped(values: FloatArray, angle: FloatArray) -> bool:
 def _is_told(values: FloatArray) -> bool:
     """Whether the numbers themselves say that they are no motion: a clock or a counter, or an input with few values."""
     steps = np.diff(values[np.isfinite(values)])
-    return bool(steps.size and np.std(steps) <= EVEN * abs(np.mean(steps))) or np.unique(values).size <= LEVELS
+    return bool(steps.size and np.std(steps) <= EVEN * abs(np.mean(steps))) or _are_few(values)
 
 
 def without_inertia(table: Table, choice: Choice) -> dict[str, str]:

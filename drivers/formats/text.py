@@ -5,8 +5,9 @@ text_layout.py finds the layout of a file; recording.py reads lostmotion's own C
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ def open_text(path: Path) -> Table:
 
 def open_lines(name: str, kind: str, lines: Lines) -> Table:
     """A table of lines of text, whatever file they come from.  Raises RecordingError."""
-    lines, turned = upright(unpacked(unlabelled(lines)))
+    lines, turned = upright(unpacked(unlabelled(partial(_whole, lines))))
     layout, rows = layout_of(name, lines)
     text = "text with a series in each row" if turned else f"text separated by {called(layout.separator)}"
     text = "PlotJuggler CSV" if "__time" in layout.header else text
@@ -78,6 +79,25 @@ def open_lines(name: str, kind: str, lines: Lines) -> Table:
 
     metadata = {key: value for key, value in layout.metadata.items() if not key.endswith("_unit")}
     return Table(name, kind or text, series, load, notes, metadata)
+
+
+def _whole(lines: Lines) -> Iterator[str]:
+    """The rows, each in one line: a cell in quotes may hold the end of a line, as the answer of an instrument does.  A
+    quote that is not closed in the next line is a sign, as of inches."""
+    opened = ""
+    for line in lines():
+        is_odd = line.count('"') % 2 == 1
+        if opened and is_odd:
+            yield f"{opened.rstrip()} {line}"
+            opened = ""
+            continue
+        if opened:
+            yield opened
+        opened = line if is_odd else ""
+        if not is_odd:
+            yield line
+    if opened:
+        yield opened
 
 
 @dataclass(slots=True)

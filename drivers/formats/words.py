@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_commanded",
-    "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run", "is_sent", "is_time", "joint_of",
-    "puts_out", "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
+    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_asked_speed",
+    "is_commanded", "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run", "is_sent",
+    "is_time", "joint_of", "puts_out", "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -108,6 +108,10 @@ TRANSLATED = {
     "current": "strom courant corriente corrente",
     "voltage": "spannung voltaje tensione tensao",
     "temperature": "temperatur temperatura",
+    "reference": "referencia riferimento referenz sollwert consigne",
+    "output": "saida salida uscita ausgang",
+    "error": "erro erreur errore fehler",
+    "effort": "esforco esfuerzo sforzo",
 }
 """words of other languages without their accents"""
 ENGLISH = {word: english for english, words in TRANSLATED.items() for word in words.split()}
@@ -129,9 +133,12 @@ def column_of(name: str) -> str | None:
     if name in COLUMN_UNITS:
         return None if name == "time" else name
     words = set(_words(name))
-    if words & OTHER or OUTPUT.search(name):
+    if words & OTHER or _unit_of_speed(name) or OUTPUT.search(name):
         return None
     found = [column for column, known in QUANTITIES.items() if words & known]
+    by_unit = _column_of_unit(name)
+    if not found and by_unit not in (None, "position") and not words & (POSITION - SYMBOLS):
+        return None if words & COMMAND and by_unit == "current" else by_unit  # q-axis [A] is no angle q
     if _says_position(name, found) or {"observation", "state"} <= words:
         return "command" if words & COMMAND else "position"
     if found:
@@ -216,10 +223,19 @@ def says_nothing(name: str) -> bool:
 def speed_of(name: str) -> str | None:
     """The unit of a series that is a speed, as its name says; "" where it says none, None for other series."""
     words = set(_words(name))
-    found = [unit for unit in _last(name) if (si := to_si(unit)) and si[0] in ("rad/s", "m/s")]
-    if not (words & SPEED or found) or words & (OTHER - SPEED | COMMAND):
-        return None
-    return found[0] if found else ""
+    unit = _unit_of_speed(name)
+    return None if not (words & SPEED or unit) or words & (OTHER - SPEED | COMMAND) else unit
+
+
+def is_asked_speed(name: str) -> bool:
+    """Whether a series is the speed that a controller asks for: ``goal_velocity``, ``commanded_deg_s``."""
+    words = {*_words(name)}
+    return bool(words & COMMAND and (words & SPEED or _unit_of_speed(name))) and not words & (OTHER - SPEED)
+
+
+def _unit_of_speed(name: str) -> str:
+    """The unit of a speed at the end of a name, "" for none."""
+    return next((unit for unit in _last(name) if (si := to_si(unit)) and si[0] in ("rad/s", "m/s")), "")
 
 
 def rate_of(name: str) -> float:

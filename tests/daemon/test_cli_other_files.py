@@ -15,6 +15,7 @@ from tests.daemon.cli_world import call
 T = np.arange(1000) / 100
 ANGLE = np.sin(3 * T) + 0.2 * np.sin(11 * T)
 SPEED = np.gradient(ANGLE, 0.01)
+WRITE = ("-o", "-")
 
 
 def told(path: Path, *options: str) -> str:
@@ -128,3 +129,67 @@ def test_what_is_recorded_beside_a_command_is_the_position(tmp_path: Path) -> No
     assert "command = data.actions" in said
     assert "position = data.sensor_data" in said
     assert "position = " not in told(saved(tmp_path / "error.csv", {"t": T, "goal": ANGLE, "error": 0.1 * ANGLE}))
+
+
+def test_a_cell_in_quotes_may_hold_the_end_of_a_line(tmp_path: Path) -> None:
+    """As the answer of an instrument does; a sign of inches in the header opens none."""
+    rows = [f'{t:.2f},"{v:.6f}\n",{q:.6f}' for t, v, q in zip(T, SPEED, ANGLE, strict=True)]
+    (tmp_path / "meter.csv").write_text("\n".join(["time,voltage,angle", *rows]) + "\n")
+    assert told(tmp_path / "meter.csv", "-o", tmp_path / "rec.csv")
+    found = read_recording(tmp_path / "rec.csv")
+    np.testing.assert_allclose(found.columns["position"], ANGLE, atol=1e-6)
+    np.testing.assert_allclose(found.columns["voltage"], SPEED, atol=1e-6)
+    rows = [f"{t:.2f},{q:.6f}" for t, q in zip(T, ANGLE, strict=True)]
+    (tmp_path / "ruler.csv").write_text("\n".join(['time,position (")', *rows]) + "\n")
+    assert "position = position" in told(tmp_path / "ruler.csv", "-o", tmp_path / "rec.csv")
+
+
+def test_an_error_beside_an_output_is_none(tmp_path: Path) -> None:
+    """In Portuguese: reference, output, error."""
+    goal = np.sin(T)
+    path = saved(tmp_path / "eixo.csv", {"Tempo": T, "Referencia": goal, "Saída": ANGLE, "Erro": goal - ANGLE})
+    said = told(path)
+    assert "command = Referencia" in said
+    assert "position = Saída  (rad, as no unit is given; the only series beside the time and the command)" in said
+
+
+def test_a_current_along_the_q_axis_is_no_angle(tmp_path: Path) -> None:
+    """The unit says what the letter does not; a current that is asked for is no goal of the angle."""
+    names = ("a1 position [rad]", "a1 q-axis cmd [A]", "a1 q-axis [A]")
+    said = told(saved(tmp_path / "drive.csv", {"time [s]": T} | dict(zip(names, (ANGLE, SPEED, SPEED), strict=True))))
+    assert "position = a1 position [rad]" in said
+    assert "current = a1 q-axis [A]" in said
+    assert "command" not in said
+    assert "also found" not in said
+
+
+def test_a_share_is_no_angle(tmp_path: Path) -> None:
+    """The light that a pendulum lets through, in percent."""
+    said = told(saved(tmp_path / "gate.csv", {"Time (s)": T, "Light Intensity (%)": 20 + 9 * np.sin(3 * T)}))
+    assert "none that is clearly a column" in said
+
+
+def test_a_switched_input_is_proposed_as_what_drives(tmp_path: Path) -> None:
+    """Of two columns without names the one that has a few values; of two joints neither drives the other; and where
+    nothing changes nothing is proposed."""
+    columns = {"a": T, "b": 0.5 * (T > 2), "c": 3 * np.maximum(T - 2, 0)}
+    np.savetxt(tmp_path / "motor.csv", np.column_stack(list(columns.values())), "%.4f", ",")
+    assert "--map position=column3:deg, and a torque --map torque=column2 (" in told(tmp_path / "motor.csv", *WRITE)
+    path = saved(tmp_path / "arm.csv", {"timestamp": T, "joint1": ANGLE, "joint2": np.cos(T)})
+    assert "assign them, as in --map position=joint1 (" in told(path, *WRITE)
+    path = saved(tmp_path / "off.csv", {"t": T, "a": 0 * T, "b": 0 * T + 1})
+    assert "nothing in it changes; was something recorded?" in told(path, *WRITE)
+    path = saved(tmp_path / "table.csv", {"t": T, "v": SPEED, "F": np.cos(9 * T)})
+    assert "--map position=v:m/s, and a force --map force=F (" in told(path, *WRITE)
+
+
+def test_a_drive_that_was_chosen_is_the_only_one(tmp_path: Path) -> None:
+    """A current of which only the name is known does not outrank it, and a series is not used twice."""
+    volts = np.sign(np.sin(T))
+    path = saved(tmp_path / "motor.csv", {"t": T, "angle": ANGLE, "current": SPEED, "torque": SPEED, "volts": volts})
+    said = told(path, "--map", "voltage=volts")
+    assert "voltage = volts" in said
+    assert "not used: current, torque" in said
+    said = told(path, "--map", "position=current:rpm", "--map", "torque=")
+    assert "position = current" in said
+    assert "current = current" not in said

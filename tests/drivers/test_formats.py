@@ -81,6 +81,8 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("leftHipYawPos", "position", "leftHipYaw"),
         ("q_des_3", "command", "3"),
         ("pos_meas1", "position", "1"),
+        ("commanded_deg_s", None, ""),
+        ("feedback (rad/s)", None, ""),
     ],
 )
 def test_names_say_column_and_joint(name: str, column: str | None, joint: str) -> None:

@@ -64,6 +64,16 @@ def test_a_command_that_is_not_used_is_told(topic: str, option: str, states: str
     assert ("zero throughout" if states else f"{topic} is not used, and the motion is taken as free") in note
 
 
+@pytest.mark.parametrize("name", ["commanded_deg_s", "goal_velocity"])
+def test_a_speed_that_is_asked_for_tells_that_a_motor_drives(name: str, tmp_path: Path) -> None:
+    """It is no goal of the angle, and no free motion follows it."""
+    found = read(log(tmp_path / "x.csv", name), joint="joint0")
+    assert [one.column for one in found.columns] == ["position"]
+    (note,) = [one for one in found.notes if one.startswith(name)]
+    assert "a motor drives the motion, which is taken as free" in note
+    assert note.endswith("--map torque=SERIES")
+
+
 @pytest.mark.parametrize("topic", ["/effort_command/joint1", "/effort_control/layout", "/temperature", "/measured/u"])
 def test_what_drives_no_joint_or_another_one_is_not_told(topic: str, tmp_path: Path) -> None:
     found = read(log(tmp_path / "x.csv", topic), joint="joint0")
