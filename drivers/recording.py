@@ -144,6 +144,7 @@ def read_recording(
     choice = replace(choice, terms={**parse_map(terms), **choice.terms})
     if not choice and not is_foreign(path):
         recording = _read_own(path)
+        _warn_of_units(recording)
     else:
         from lostmotion.drivers.formats.read import imported
 
@@ -157,6 +158,16 @@ def read_recording(
         recording = found.recording
     _check_scale(recording)
     return recording
+
+
+def _warn_of_units(recording: Recording) -> None:
+    """The command, or a speed that the format does not know, may contradict the position."""
+    if not recording.extra and "command" not in recording.columns:
+        return
+    from lostmotion.drivers.formats.consistency import own_doubts
+
+    for warning in own_doubts(recording.time, recording.columns, recording.extra):
+        log.warning("%s: %s", recording.name, warning)
 
 
 def _read_own(path: Path) -> Recording:

@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.swinging import SWINGS, crossings
 from lostmotion.drivers.formats.words import is_angle
 from lostmotion.drivers.units import MANY_TURNS, to_si
 
-__all__ = ["ASSUMED", "check_servo", "doubts", "in_degrees"]
+__all__ = ["ASSUMED", "are_alike", "check_servo", "doubts", "in_degrees"]
 
 ASSUMED = "; a swing"
 """the end of the reason for an angle that was read in degrees because nothing swings so far in rad"""
@@ -27,6 +27,9 @@ COUNTED = f"*{np.pi / 2048:.8f}"
 """what makes rad of counts of 4096 a turn"""
 COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
+ALIKE = 20.0
+"""times as far as its angle a goal in the same unit may be: a servo that goes a twentieth of the way does not follow,
+and degrees beside rad are 57 times as far"""
 
 
 def in_degrees(
@@ -42,10 +45,12 @@ def in_degrees(
         angles, reason = {"position"}, ASSUMED
     servo = _beyond_a_servo(chosen, [values for _, values in parts])
     if servo and max(float(np.abs(values).max()) for _, values in servo) <= TURN:
-        rad = " ".join(mapped(one.column, one.series, ":rad") for one in chosen if one.column in ANGLES)
+        most = max((values for _, values in servo), key=lambda values: np.abs(values).max())
+        far = [one for one, values in servo if are_alike(values, most)]
+        rad = " ".join(mapped(one.column, one.series, ":rad") for one in far)
         why = "as a servo with a goal does not turn so often"
-        notes.append(f"command, position: no unit is given; taken as deg, {why}; else use {rad}")
-        angles = {*ANGLES}
+        angles = {one.column for one in far}
+        notes.append(f"{', '.join(sorted(angles))}: no unit is given; taken as deg, {why}; else use {rad}")
     kept, turned = list(chosen), list(parts)
     for at, (one, (times, values)) in enumerate(zip(chosen, parts, strict=True)):
         if one.column in angles:
@@ -57,6 +62,12 @@ def in_degrees(
 def doubts(chosen: Sequence[Chosen], parts: Sequence[Part]) -> list[str]:
     """A warning where the size of the numbers contradicts the assumed unit."""
     return [doubt for one, (_, values) in zip(chosen, parts, strict=True) for doubt in _doubts(one, values)]
+
+
+def are_alike(goal: FloatArray, angle: FloatArray) -> bool:
+    """Whether a goal (N,) and the angle (M,) that follows it may be in the same unit, as their sizes say."""
+    asked, reached = float(np.abs(goal).max()), float(np.abs(angle).max())
+    return asked < ALIKE * reached and reached < ALIKE * asked
 
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:

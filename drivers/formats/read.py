@@ -14,6 +14,7 @@ from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
+from lostmotion.drivers.formats.consistency import by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
@@ -68,8 +69,13 @@ def imported(path: Path, choice: Choice) -> Imported:
     kept, parts, told = _filled(guess.columns, samples, str(path))
     notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
     check_servo(kept, parts, str(path))
-    kept, parts, told = in_degrees(_of_axis(kept), parts, source.series)
-    notes += [*told, *doubts(kept, parts), *unused(kept, parts, source.series)]
+    kept = _of_axis(kept)
+    if isinstance(source, Table) and (speeds := speeds_of(kept, source.series)):
+        read = source.read([one.name for one in speeds], choice).values
+        kept, parts, told = by_speed(kept, parts, read, speeds)
+        notes += told
+    kept, parts, told = in_degrees(kept, parts, source.series)
+    notes += [*told, *goal_beside(kept, parts), *doubts(kept, parts), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)
     if left := unnamed(kept, source.series, clock):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)

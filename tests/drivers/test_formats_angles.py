@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from lostmotion.daemon.cli import cli
 from tests.drivers.test_formats import read
 from tests.drivers.test_formats_as_saved import rows
 
@@ -84,3 +86,53 @@ def test_an_acceleration_by_itself_is_no_angle(tmp_path: Path) -> None:
     found = read(saved(tmp_path / "x.csv", "time,acceleration", 14 * SWING))
     assert found.recording.columns["accel"] == pytest.approx(14 * SWING, abs=1e-3)
     assert not [note for note in found.notes if "deg" in note]
+
+
+SPEED = np.gradient(SWING, T)
+"""of an angle of ``SWING`` rad"""
+PUSH = np.sin(3 * T)
+
+
+def test_an_angle_in_degrees_beside_a_speed_in_rad(tmp_path: Path) -> None:
+    """How fast the angle changes tells its unit; a speed in the same unit tells none."""
+    path = saved(tmp_path / "x.csv", "time,angle,velocity,torque", np.degrees(SWING), SPEED, PUSH)
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-3)
+    (note,) = [one for one in found.notes if "taken as deg" in one]
+    assert "times as fast as velocity says; else use --map position=angle:rad" in note
+    known = read(path, "position=angle:rad")
+    assert known.recording.columns["position"] == pytest.approx(np.degrees(SWING), abs=0.1)
+    assert any("angle and velocity are not in rad and rad/s" in note for note in known.notes)
+    path = saved(tmp_path / "x.csv", "time,angle,velocity,torque", SWING, SPEED, PUSH)
+    assert not [note for note in read(path).notes if "deg" in note]
+
+
+def test_units_in_the_header_that_contradict_each_other(tmp_path: Path) -> None:
+    found = read(saved(tmp_path / "x.csv", "time,angle_deg,velocity (rad/s),torque", SWING, SPEED, PUSH))
+    assert any("angle_deg and velocity (rad/s) are not in deg and rad/s" in note for note in found.notes)
+
+
+def test_only_the_goal_of_a_servo_is_in_degrees(tmp_path: Path) -> None:
+    """Beside an angle in rad, which stays in rad.  In a small motion, which may be either, it is told."""
+    goal = np.sin(2 * T)
+    angle = np.sin(2 * (T - 0.05))
+    found = read(saved(tmp_path / "x.csv", "time,goal,position", np.degrees(goal), angle)).recording
+    assert found.columns["command"] == pytest.approx(goal, abs=1e-3)
+    assert found.columns["position"] == pytest.approx(angle, abs=1e-3)
+    found = read(saved(tmp_path / "x.csv", "time,goal,position,velocity", np.degrees(goal), np.degrees(angle),
+                       2 * np.cos(2 * (T - 0.05)))).recording  # fmt: skip
+    assert found.columns["command"] == pytest.approx(goal, abs=1e-3)
+    small = read(saved(tmp_path / "x.csv", "time,goal,position", 5 * goal, np.radians(5 * angle)))
+    assert any("as degrees beside rad do; if so, use --map command=goal:deg" in note for note in small.notes)
+
+
+def test_a_recording_of_ones_own_in_degrees(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The columns of the format are in rad: a speed beside them, or the command, tells a mistake; the lab says it."""
+    (tmp_path / "joint.toml").write_text('base = "joint"\n')
+    path = saved(tmp_path / "x.csv", "time,position,velocity,torque", np.degrees(SWING), SPEED, PUSH)
+    assert CliRunner().invoke(cli, ["lab", "compare", str(tmp_path / "joint.toml"), str(path)]).exit_code == 0
+    said = "times as fast as velocity says, as degrees beside rad/s do; if so, use --map position=position:deg"
+    assert said in caplog.text
+    path = saved(tmp_path / "x.csv", "time,command,position", np.degrees(np.sin(2 * T)), np.sin(2 * (T - 0.05)))
+    CliRunner().invoke(cli, ["lab", "compare", "servo", str(path)])
+    assert "command: command moves 57" in caplog.text
