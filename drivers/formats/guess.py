@@ -43,17 +43,23 @@ MOVES_MOST = "it moves most"
 
 
 class _Axis(NamedTuple):
-    """What is said of a motion that is asked for: its column, that of what drives it, units, and what it is."""
+    """What is said of a motion that is asked for: its column, that of what drives it, units, that of numbers beyond
+    ``MANY_TURNS``, those of a speed, and what it is."""
 
     motion: str
     drive: str
     units: str
+    beyond: str
     speeds: str
     kind: str
 
+    def unit(self, span: tuple[float, float]) -> str:
+        """The unit that is suggested from the least to the largest number: none where it may be in rad, or in m."""
+        return self.beyond if max(map(abs, span)) > MANY_TURNS else ""
 
-TURN = _Axis("position", "torque", "rad; else :deg, :mm", ":rad/s, :rpm", "an angle")
-LINE = _Axis("displacement", "force", "m; else :mm", ":m/s", "a place")
+
+TURN = _Axis("position", "torque", "rad; else :deg, :mm", ":deg", ":rad/s, :rpm", "an angle")
+LINE = _Axis("displacement", "force", "m; else :mm", ":mm", ":m/s", "a place")
 
 Spans = Callable[[Sequence[str]], Mapping[str, tuple[float, float]]]
 """The least and the largest number of series, by their names."""
@@ -235,7 +241,7 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
     """How the first series that changes would be assigned, or the one that swings, and the next one as what drives it,
     or the one whose name says so; without times the one that ascends (``rising``) as these."""
     if swings := moving.get("perhaps", ""):
-        return mapped(axis.motion, swings, _degrees(spans([swings])[swings]))
+        return mapped(axis.motion, swings, axis.unit(spans([swings])[swings]))
     named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     known = spans(named_so)
     names = [one for one in named_so if known[one][0] < known[one][1]] or named_so
@@ -243,7 +249,7 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
         rising = moving.get("rising", "")
         others = [one for one in names if one not in (rising, moving.get("counting"))] or names
         moves = next((one for one in others if not is_input(one)), others[0])
-        unit = _degrees(known[moves])
+        unit = axis.unit(known[moves])
         without = shlex.quote(f"FILE#rate-hz=100,{axis.motion}={shown(moves)}{unit}")
         if not rising:
             return f"{without}, if there are 100 rows a second"
@@ -269,10 +275,10 @@ def _pair(
     if not all(_may_be_position(one) for one in series if one.name == first):
         unit = "*FACTOR"
     elif is_speed:
-        unit = ":m/s" if is_forced else ":rad/s"
+        unit = ":m/s" if is_forced else axis.speeds.partition(",")[0]
     else:
         has_unit = unit_of(first, "position") or is_forced
-        unit = "" if has_unit else _degrees(known.get(first, (-math.inf, math.inf)))
+        unit = "" if has_unit else axis.unit(known.get(first, (-math.inf, math.inf)))
     driven = "force" if is_forced else axis.drive
     return ", and ".join(
         [mapped(axis.motion, first, unit), *(f"a {driven} {mapped(driven, one)}" for one in drives[:1])]
@@ -287,11 +293,6 @@ def _are_alike(name: str, other: str) -> bool:
 def _may_drive(name: str) -> bool:
     """Whether a name is that of a motor's input, or the symbol of a force."""
     return is_input(name) or name == FORCE
-
-
-def _degrees(span: tuple[float, float]) -> str:
-    """The unit that is suggested for an angle from its least to its largest number: none where it may be in rad."""
-    return ":deg" if max(map(abs, span)) > MANY_TURNS else ""
 
 
 def _reached(series: Sequence[Series], chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:

@@ -146,6 +146,9 @@ def test_a_motion_along_a_line_is_asked_for_by_the_names_of_the_file(tmp_path: P
     """A series whose name has that of another column in it keeps its name in the advice."""
     path = table(tmp_path / "line.csv", T, 0.01 * np.sin(5 * T), np.cos(5 * T), head="time,Output,torquemeter")
     assert "--map displacement=Output, and a force --map force=torquemeter" in explained("oscillator", path)
+    path = table(tmp_path / "line.csv", T, 200 * np.sin(5 * T), np.cos(5 * T), head="time,Output,torquemeter")
+    assert "--map displacement=Output:mm, and a force" in explained("oscillator", path)  # no degrees
+    assert "--map position=Output:deg, and a torque" in explained("joint", path)
 
 
 def test_a_drive_exports_demand_and_actual_value(tmp_path: Path) -> None:
