@@ -16,6 +16,9 @@ __all__ = ["CLOCK", "on_one_clock"]
 CLOCK = "time"
 """the last part of the name of a signal's times, and the name of those of all"""
 
+SHOWN = 12
+"""names in a message"""
+
 Vectors = Mapping[str, NDArray[Any]]
 
 
@@ -37,7 +40,9 @@ def on_one_clock(vectors: Vectors) -> tuple[Vectors, Sequence[str]]:
             is_same = own.size == time.size and bool(np.abs(own - time).max() < np.median(np.diff(time)) / 2)
             found[plain] = values if is_same else _held(values, own, time)
             held += [] if is_same else [plain]
-    return found, [f"{', '.join(held)}: sampled at other times; each value is held until the next one"] if held else []
+    more = f" and {len(held) - SHOWN} more" if len(held) > SHOWN else ""
+    said = f"{', '.join(held[:SHOWN])}{more}: sampled at other times; each value is held until the next one"
+    return found, [said] if held else []
 
 
 def _is_clock(name: str, values: NDArray[Any]) -> bool:

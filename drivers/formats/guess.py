@@ -17,6 +17,7 @@ from lostmotion.drivers.formats.words import (
     column_of,
     is_angle,
     is_commanded,
+    is_error,
     is_estimated,
     is_input,
     is_other,
@@ -107,7 +108,7 @@ def guessed(
     although its name does not say so; moving: by column the axis that moves most; spans: for what is suggested."""
     candidates = _candidates([one for one in series if one.name != clock], choice)
     _check_topics(series, choice.topics, name)
-    joint = _joint(candidates, choice, name)
+    joint = _joint(candidates, [one.name for one in series if speed_of(one.name) is not None], choice, name)
     chosen, notes = {}, []
     for column, term in choice.terms.items():
         if term.name and column != "time":
@@ -155,7 +156,7 @@ def _eliminated(
     that of another quantity, or it does not move as an angle does (``rough``)."""
     used = {one.series for one in chosen.values()}
     rest = [one for one in _unnamed(series, clock) if one.name not in used]
-    rest = [one for one in rest if not is_other(one.name)] or rest  # the error beside an output is none
+    rest = [one for one in rest if not is_error(one.name)] or rest
     if {*chosen} - {"command"} or len(rest) != 1 or MOTIONS & {*choice.terms}:
         return {}
     (one,) = rest
@@ -245,9 +246,10 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
     named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     known = spans(named_so)
     names = [one for one in named_so if known[one][0] < known[one][1]] or named_so
+    names = [one for one in names if one != moving.get("counting")] or names
     if not clock and len(named_so) == len(series) > 1:
         rising = moving.get("rising", "")
-        others = [one for one in names if one not in (rising, moving.get("counting"))] or names
+        others = [one for one in names if one != rising] or names
         moves = next((one for one in others if not is_input(one)), others[0])
         unit = axis.unit(known[moves])
         without = shlex.quote(f"FILE#rate-hz=100,{axis.motion}={shown(moves)}{unit}")
@@ -396,11 +398,13 @@ def _check_topics(series: Sequence[Series], topics: Sequence[str], name: str) ->
             )
 
 
-def _joint(candidates: Mapping[str, Sequence[Series]], choice: Choice, name: str) -> str:
+def _joint(candidates: Mapping[str, Sequence[Series]], speeds: Sequence[str], choice: Choice, name: str) -> str:
     """The joint that is meant.  Raises RecordingError where that is not clear."""
     of = {column: {joint_of(one.name) for one in candidates.get(column, ())} - {""} for column in OF_JOINTS}
-    turning = [*candidates.get("command", ()), *candidates.get("position", ())]  # a kind of torque is no joint
-    moving = sorted({joint_of(one.name) for one in turning} - {""} if turning else of["torque"])
+    turning = {joint_of(one.name) for column in ("command", "position") for one in candidates.get(column, ())}
+    if not turning:  # the speed without a joint, and not its setpoint
+        turning = {""} if "" in map(joint_of, speeds) else {*map(joint_of, speeds)}
+    moving = sorted((turning or of["torque"]) - {""})  # a kind of torque is no joint
     if choice.joint:
         everywhere = sorted(set().union(*of.values()))
         if choice.joint not in everywhere and everywhere:

@@ -54,12 +54,11 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
     """Of the axes of an accelerometer, or of a gyroscope (``speed``), the one that moves most by far, by its column; of
     x and y of a film the displacement, and of columns that no name tells the position, if only one swings; if several
     do, the one that moves most (``perhaps``).  Before that the only one of which another one is the speed, with its
-    ``unit``, and ``why``.  Without times the one that may be these (``rising``) in its unit (``steps``), and the first
-    that counts the rows (``counting``).  An ``input`` that is switched is told, too."""
-    found: dict[str, str] = {}
+    ``unit``, and ``why``.  The first that counts the rows (``counting``); without times the one that may be these
+    (``rising``) in its unit (``steps``).  An ``input`` that is switched is told, too."""
+    found: dict[str, str] = {"counting": table.counting[0]} if table.counting else {}
     if not table.clock and not table.times:
-        found = dict(zip(("rising", "steps"), table.rising or (), strict=False))
-        found |= {"counting": table.counting[0]} if table.counting else {}
+        found |= dict(zip(("rising", "steps"), table.rising or (), strict=False))
     changing, is_timed = _changing(table, choice)
     if is_timed and len(changing) == 1 and not (twins := _alike(table, changing[0])):
         (rate,) = changing

@@ -15,7 +15,16 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.guess import listed, mapped, named
 from lostmotion.drivers.formats.source import DATE, Choice, Samples, Series, Term
-from lostmotion.drivers.formats.words import UNNAMED, ends_in_time, is_run, is_time, rate_of, time_rank, unit_of
+from lostmotion.drivers.formats.words import (
+    UNNAMED,
+    column_of,
+    ends_in_time,
+    is_run,
+    is_time,
+    rate_of,
+    time_rank,
+    unit_of,
+)
 from lostmotion.drivers.units import to_si
 
 __all__ = ["Table", "seconds"]
@@ -125,14 +134,14 @@ class Table:
         that ascends."""
         if self.times:
             return ""
-        names = [one.name for one in self.series if not one.unit]
+        names = [one.name for one in self.series if not one.unit and _may_be_time(one.name)]
         for name in names:  # the first that does not count the rows
-            if not _counts_rows(values := self.load([name])[name]):
+            if not _only_counts(name, values := self.load([name])[name]):
                 if _ascends(values):
                     return name
                 break
         loaded = self.load(names) if len(names) <= MOST_LOOKED_AT else {}
-        loaded = {name: values for name, values in loaded.items() if not _counts_rows(values)}
+        loaded = {name: values for name, values in loaded.items() if not _only_counts(name, values)}
         found = [name for name, values in loaded.items() if _ascends(values)]
         if not found:  # what says that it is one may stand still for a row
             found = [name for name in loaded if ends_in_time(name) and _ascends(loaded[name], may_repeat=True)]
@@ -171,7 +180,7 @@ class Table:
         the times; and ``:unit``, or ``*factor`` by the rate in its name."""
         steps = {name: each[~np.isnan(each)] for name, each in self._steps.items()}
         rises = {name: each for name, each in steps.items() if np.sum(each > 0) > MOST_STEPS * each.size}
-        found = [name for name, each in rises.items() if (each >= 0).all()]
+        found = [name for name, each in rises.items() if (each >= 0).all() and _may_be_time(name)]
         counts = (name for name, each in rises.items() if rate_of(name) and np.mean(each < 0) < SELDOM)
         if name := next(counts, ""):
             rate = rate_of(name)
@@ -216,6 +225,17 @@ class Table:
 def _is_slow(steps: float, rate: float) -> bool:
     """Whether so many counts a row are too many for a rate [Hz], but not for one in kHz that was called Hz."""
     return steps / rate > LONGEST_STEP_S >= steps / (1e3 * rate)
+
+
+def _may_be_time(name: str) -> bool:
+    """Whether a name says nothing else: an angle that is turned evenly is none; the name of an array or a file says
+    nothing of each of its columns (``pos1[0]``)."""
+    return column_of(name) is None or ends_in_time(name) or name.endswith("]")
+
+
+def _only_counts(name: str, values: Array) -> bool:
+    """Whether numbers count the rows, and the name does not say that these are ms or the like: ``i_ms``."""
+    return _counts_rows(values) and not unit_of(name, "time")
 
 
 def _counts_rows(column: Array) -> bool:

@@ -10,8 +10,9 @@ from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
     "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_asked_speed",
-    "is_commanded", "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run", "is_sent",
-    "is_time", "joint_of", "puts_out", "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of", "without_joint",
+    "is_commanded", "is_error", "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run",
+    "is_sent", "is_time", "joint_of", "puts_out", "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of",
+    "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -40,10 +41,11 @@ COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
 UNIT_SAYS = ("position", "torque", "current", "force")
 SPEED = {"velocity", "velocities", "velo", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot"}
-OTHER = SPEED | {
-    "accelerations", "jerk", "error", "errors", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
+ERRORS = {"error", "errors", "err"}
+OTHER = SPEED | ERRORS | {
+    "accelerations", "jerk", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
     "moving", "enabled", "enable", "mode", "flag", "index", "stamp", "limit", "limits", "min", "max", "mean", "std",
-    "id", "tolerance", "delta", "load", "pwm", "duty", "uncertainty", "uncertainties", "sigma", "err",
+    "id", "tolerance", "delta", "load", "pwm", "duty", "uncertainty", "uncertainties", "sigma",
     "ddot", "double", "offset", "layout", "latitude", "longitude", "altitude", "direction", "accuracy",
 }  # fmt: skip
 """words of series that are none of the columns"""
@@ -58,7 +60,7 @@ ESTIMATED = {"est", "estimate", "estimated", "hat", "observer", "observed"}
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
     "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z", "output", "out", "input", "shaft", "meas", *ESTIMATED,
+    "imu", "msg", "x", "y", "z", "output", "out", "input", "shaft", "meas", "hz", *ESTIMATED,
 }  # fmt: skip
 TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
 """words of the time axis, those first that others come after"""
@@ -90,6 +92,8 @@ RATE = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
 """how often something was counted"""
 UNNAMED = re.compile(r"column\d+")
 """what a column without a name is called"""
+GIVEN = re.compile(r"(timeseries|unnamed|untitled|signal|Var(?:Name)?)\s?\d*", re.IGNORECASE)
+"""what MATLAB calls a series that nobody named"""
 BRACKETED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 """the text in brackets at the end of a name"""
 GREEK = str.maketrans(
@@ -208,6 +212,11 @@ def is_other(name: str) -> bool:
     return bool({*_words(name)} & OTHER)
 
 
+def is_error(name: str) -> bool:
+    """Whether a name says by how much a goal is missed."""
+    return bool({*_words(name)} & ERRORS)
+
+
 def is_sent(name: str) -> bool:
     """Whether a series is what a motor is told, and not what a sensor or an observer says."""
     words = {*_words(name)}
@@ -215,9 +224,12 @@ def is_sent(name: str) -> bool:
 
 
 def says_nothing(name: str) -> bool:
-    """Whether a series has no name, or a letter as in a formula, which may be of any quantity."""
+    """Whether a series has no name, or one that a program gave, or a letter as in a formula, which may be of any
+    quantity."""
     is_letter = SPEED_LETTER.fullmatch(name) or (len(name) == 1 and name.isalpha())
-    return bool(UNNAMED.fullmatch(name) or is_letter) and not (column_of(name) or is_time(name) or axis_of(name))
+    return bool(UNNAMED.fullmatch(name) or GIVEN.fullmatch(name) or is_letter) and not (
+        column_of(name) or is_time(name) or axis_of(name)
+    )
 
 
 def speed_of(name: str) -> str | None:
@@ -234,8 +246,9 @@ def is_asked_speed(name: str) -> bool:
 
 
 def _unit_of_speed(name: str) -> str:
-    """The unit of a speed at the end of a name, "" for none."""
-    return next((unit for unit in _last(name) if (si := to_si(unit)) and si[0] in ("rad/s", "m/s")), "")
+    """The unit of a speed at the end of a name, "" for none; turns a second may be called Hz."""
+    found = ("rev/s" if unit == "Hz" and {*_words(name)} & SPEED else unit for unit in _last(name))
+    return next((unit for unit in found if (si := to_si(unit)) and si[0] in ("rad/s", "m/s")), "")
 
 
 def rate_of(name: str) -> float:

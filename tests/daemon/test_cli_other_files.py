@@ -15,7 +15,6 @@ from tests.daemon.cli_world import call
 T = np.arange(1000) / 100
 ANGLE = np.sin(3 * T) + 0.2 * np.sin(11 * T)
 SPEED = np.gradient(ANGLE, 0.01)
-WRITE = ("-o", "-")
 
 
 def told(path: Path, *options: str) -> str:
@@ -174,13 +173,13 @@ def test_a_switched_input_is_proposed_as_what_drives(tmp_path: Path) -> None:
     nothing changes nothing is proposed."""
     columns = {"a": T, "b": 0.5 * (T > 2), "c": 3 * np.maximum(T - 2, 0)}
     np.savetxt(tmp_path / "motor.csv", np.column_stack(list(columns.values())), "%.4f", ",")
-    assert "--map position=column3:deg, and a torque --map torque=column2 (" in told(tmp_path / "motor.csv", *WRITE)
+    assert "--map position=column3:deg, and a torque --map torque=column2 (" in told(tmp_path / "motor.csv", "-o", "-")
     path = saved(tmp_path / "arm.csv", {"timestamp": T, "joint1": ANGLE, "joint2": np.cos(T)})
-    assert "assign them, as in --map position=joint1 (" in told(path, *WRITE)
+    assert "assign them, as in --map position=joint1 (" in told(path, "-o", "-")
     path = saved(tmp_path / "off.csv", {"t": T, "a": 0 * T, "b": 0 * T + 1})
-    assert "nothing in it changes; was something recorded?" in told(path, *WRITE)
+    assert "nothing in it changes; was something recorded?" in told(path, "-o", "-")
     path = saved(tmp_path / "table.csv", {"t": T, "v": SPEED, "F": np.cos(9 * T)})
-    assert "--map position=v:m/s, and a force --map force=F (" in told(path, *WRITE)
+    assert "--map position=v:m/s, and a force --map force=F (" in told(path, "-o", "-")
 
 
 def test_a_drive_that_was_chosen_is_the_only_one(tmp_path: Path) -> None:
@@ -193,3 +192,33 @@ def test_a_drive_that_was_chosen_is_the_only_one(tmp_path: Path) -> None:
     said = told(path, "--map", "position=current:rpm", "--map", "torque=")
     assert "position = current" in said
     assert "current = current" not in said
+
+
+def test_an_angle_that_is_turned_evenly_is_no_time(tmp_path: Path) -> None:
+    """Without times the rate is asked for; a counter of ms is the time, and one of rows neither that nor the motion."""
+    path = saved(tmp_path / "cam.csv", {"angle": T, "torque": ANGLE})
+    assert "and no times" in told(path, "-o", "-")
+    assert "position = angle" in told(path, "-o", "-", "--rate-hz", "100")
+    rows = np.arange(T.size)
+    path = saved(tmp_path / "log.csv", {"i_ms": rows, "angle": ANGLE, "duty": SPEED})
+    assert "time: i_ms [ms]" in told(path, "-o", "-")
+    path = saved(tmp_path / "film.csv", {"Frame": rows, "Time (Seconds)": T, "a": ANGLE, "b": np.cos(T)})
+    assert "assign them, as in --map position=a, and a torque --map torque=b (" in told(path, "-o", "-")
+
+
+def test_turns_a_second_may_be_called_hertz(tmp_path: Path) -> None:
+    """Of a speed; a frequency is none."""
+    said = told(saved(tmp_path / "motor.csv", {"time [s]": T, "velocity [Hz]": SPEED, "torque [Nm]": ANGLE}))
+    assert "position = velocity [Hz]  (rev/s, now rad; a speed, as there is no angle)" in said
+    names = ("velocity setpoint [Hz]", "velocity measured [Hz]", "motor torque [Nm]", "brake torque [Nm]")
+    said = told(saved(tmp_path / "brake.csv", {"time [s]": T} | dict.fromkeys(names, SPEED)))
+    assert "position = velocity measured [Hz]" in said
+    assert "torque = motor torque [Nm]" in said
+    assert "position" not in told(saved(tmp_path / "x.csv", {"time [s]": T, "rate [Hz]": SPEED, "torque [Nm]": ANGLE}))
+
+
+def test_series_that_nobody_named_may_drive(tmp_path: Path) -> None:
+    """As MATLAB calls what is saved without a name."""
+    columns = {"time": T, "measured position": ANGLE, "timeseries28": np.sign(np.sin(T)), "unnamed": 0 * T}
+    said = told(saved(tmp_path / "run.csv", columns))
+    assert "timeseries28 has 3 values and is not used, and the motion is taken as free; if timeseries28 drives" in said
