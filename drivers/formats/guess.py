@@ -108,7 +108,8 @@ def guessed(
     although its name does not say so; moving: by column the axis that moves most; spans: for what is suggested."""
     candidates = _candidates([one for one in series if one.name != clock], choice)
     _check_topics(series, choice.topics, name)
-    joint = _joint(candidates, [one.name for one in series if speed_of(one.name) is not None], choice, name)
+    moved = _changing(series, spans)
+    joint = _joint(candidates, [one.name for one in moved if speed_of(one.name) is not None], choice, name)
     chosen, notes = {}, []
     for column, term in choice.terms.items():
         if term.name and column != "time":
@@ -124,7 +125,7 @@ def guessed(
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
-    more, told = _inferred(series, choice, joint, chosen, (moving or {}).get("speed", ""))
+    more, told = _inferred(moved, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen, notes = chosen | more, notes + told
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
@@ -167,6 +168,14 @@ def _eliminated(
         return {}
     why = f"the only series beside the time{' and the command' * len(chosen)}"
     return {"position": _chosen("position", one, Term(one.name), why)}
+
+
+def _changing(series: Sequence[Series], spans: Spans) -> Sequence[Series]:
+    """The series without speeds that never change, where another one does."""
+    speeds = [one.name for one in series if speed_of(one.name) is not None]
+    known = spans(speeds) if len(speeds) > 1 else {}
+    still = [name for name, (low, high) in known.items() if low == high]
+    return [one for one in series if one.name not in still] if len(still) < len(speeds) else series
 
 
 def _several(notes: Sequence[str]) -> str:
@@ -402,8 +411,8 @@ def _joint(candidates: Mapping[str, Sequence[Series]], speeds: Sequence[str], ch
     """The joint that is meant.  Raises RecordingError where that is not clear."""
     of = {column: {joint_of(one.name) for one in candidates.get(column, ())} - {""} for column in OF_JOINTS}
     turning = {joint_of(one.name) for column in ("command", "position") for one in candidates.get(column, ())}
-    if not turning:  # the speed without a joint, and not its setpoint
-        turning = {""} if "" in map(joint_of, speeds) else {*map(joint_of, speeds)}
+    if not turning and speeds:  # several are asked about where one is needed
+        turning = {*map(joint_of, speeds)} if len({*map(joint_of, speeds)}) == 1 else {""}
     moving = sorted((turning or of["torque"]) - {""})  # a kind of torque is no joint
     if choice.joint:
         everywhere = sorted(set().union(*of.values()))

@@ -49,6 +49,8 @@ MATRIX = re.compile(rf"{OPENED.pattern}|[\];]\s*$")
 NAME = re.compile(r"[^\s(\[]\S*(?:\s*[(\[][^)\]]*[)\]])?")
 """among names that blanks separate, one with its unit in brackets"""
 
+TITLES = {"unit", "units"}
+"""what the line of units begins with, perhaps for each signal beside its times: ``Unit,V,Unit,V``"""
 FAR = re.compile(r"\s{2,}|\t")
 """between names that hold blanks themselves: ``Sample   Commanded Pos   Control Effort``"""
 
@@ -258,8 +260,9 @@ def _metadata(comments: list[str]) -> dict[str, Any]:
 
 
 def _units(row: list[str], comma: bool) -> list[str]:
-    """The units, where a row holds nothing else; [] otherwise."""
-    units = [SPELT.get(bare.lower(), bare) for bare in (cell.strip().strip("[]()") for cell in row)]
+    """The units, where a row holds nothing else but its title; [] otherwise."""
+    bare = [cell.strip().strip("[]()") for cell in row]
+    units = ["" if unit.lower() in TITLES else SPELT.get(unit.lower(), unit) for unit in bare]
     known = [unit for unit in units if to_si(unit) is not None]
     return units if known and not any(unit and (number(unit, comma) is not None) for unit in units) else []
 

@@ -222,3 +222,26 @@ def test_series_that_nobody_named_may_drive(tmp_path: Path) -> None:
     columns = {"time": T, "measured position": ANGLE, "timeseries28": np.sign(np.sin(T)), "unnamed": 0 * T}
     said = told(saved(tmp_path / "run.csv", columns))
     assert "timeseries28 has 3 values and is not used, and the motion is taken as free; if timeseries28 drives" in said
+
+
+def test_of_two_speeds_the_one_that_changes_is_integrated(tmp_path: Path) -> None:
+    """A second sensor that reads nothing is no choice."""
+    columns = {"Time (s)": T, "Electrical Speed (RPM)": 0 * T, "Optical Speed (RPM)": SPEED, "Torque (Nm)": ANGLE}
+    said = told(saved(tmp_path / "stand.csv", columns))
+    assert "position = Optical Speed (RPM)  (rpm, now rad; a speed, as there is no angle)" in said
+    columns["Electrical Speed (RPM)"] = ANGLE
+    said = told(saved(tmp_path / "stand.csv", columns))
+    assert "torque = Torque (Nm)" in said
+    assert "--map 'position=Electrical Speed (RPM):rpm' (or :rad/s) integrates a speed" in said
+
+
+def test_a_line_of_units_may_have_a_title(tmp_path: Path) -> None:
+    """For each signal beside its own times, which are equal."""
+    head = ["Timestamp,2020-03-16 17:04:51,Timestamp,2020-03-16 17:04:51", "Interval,0.01,Interval,0.01"]
+    head += ['Channel name,"Angle",Channel name,"Torque"', 'Unit,"rad",Unit,"Nm"']
+    rows = [f"{t:g},{q:.6f},{t:g},{v:.6f}" for t, q, v in zip(T, ANGLE, SPEED, strict=True)]
+    (tmp_path / "daq.csv").write_text("\n".join([*head, *rows]) + "\n")
+    said = told(tmp_path / "daq.csv")
+    assert "time: Channel name [s]" in said
+    assert "position = Angle" in said
+    assert "torque = Torque  (N m" in said
