@@ -1,4 +1,4 @@
-"""The content of the first page: texts and a few numbers of each joint, the alarms and the devices, ready to be shown.
+"""The content of the first page: texts and a few numbers of joints, alarms, devices and sinks, ready to be shown.
 
 The same texts are in the page when it is loaded and in the events that keep it up to date.
 """
@@ -15,10 +15,10 @@ from lostmotion.daemon.commands.reasons import others, present_reason
 from lostmotion.daemon.config import ConfigError
 from lostmotion.daemon.database import is_held
 from lostmotion.daemon.reader import Reader
-from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, ScoreRow, Severity, iso
+from lostmotion.daemon.records import AlarmRow, AlarmState, DeviceRow, ScoreRow, Severity, SinkRow, iso
 from lostmotion.web.site import Site
 
-__all__ = ["Alarm", "Card", "Cards", "Trouble", "cards", "micrometres", "radii"]
+__all__ = ["Alarm", "Card", "Cards", "Sink", "Trouble", "cards", "micrometres", "radii"]
 
 FULL_SCALE = 2.0
 """a bar is full at so many times the level"""
@@ -65,6 +65,16 @@ class Trouble:
 
 
 @dataclass(frozen=True, slots=True)
+class Sink:
+    """Where alarms are sent to: its name, "up", "down" or "unknown" and since when, and its last error."""
+
+    sink: str
+    state: str
+    since: str
+    error: str
+
+
+@dataclass(frozen=True, slots=True)
 class Cards:
     """The whole of the first page."""
 
@@ -74,6 +84,7 @@ class Cards:
     joints: tuple[Card, ...]
     alarms: tuple[Alarm, ...]
     troubles: tuple[Trouble, ...]
+    sinks: tuple[Sink, ...]
 
 
 def cards(site: Site, reader: Reader) -> Cards:
@@ -93,7 +104,8 @@ def cards(site: Site, reader: Reader) -> Cards:
     places = _places(site)
     troubles = tuple(found for device in reader.devices() if (found := _trouble(device, places)))
     is_watched = is_held(site.database) is not False
-    return Cards(reader.robot(), is_watched, iso(now), joints, tuple(sorted(alarms, key=_worst)), troubles)
+    sinks = tuple(_sink(row, now) for row in reader.sinks())
+    return Cards(reader.robot(), is_watched, iso(now), joints, tuple(sorted(alarms, key=_worst)), troubles, sinks)
 
 
 def micrometres(angle: float, radius_m: float) -> str:
@@ -165,6 +177,12 @@ def _trouble(device: DeviceRow, places: dict[str, str]) -> Trouble | None:
     if not device.reason:
         return None
     return Trouble(device.name, device.reason, places.get(device.name, ""))
+
+
+def _sink(row: SinkRow, now: datetime) -> Sink:
+    state = {True: "up", False: "down", None: "unknown"}[row.is_up]
+    since = "" if row.is_up is None else f"for {times.span(abs((now - row.since).total_seconds()))}"
+    return Sink(row.name, state, since, row.error)
 
 
 def _places(site: Site) -> dict[str, str]:

@@ -6,7 +6,8 @@ import json
 import re
 import shutil
 import threading
-from datetime import UTC, datetime
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from playwright.sync_api import expect
 
 from lostmotion.daemon.lifecycle import raised
 from lostmotion.daemon.reader import open_readonly
-from lostmotion.daemon.records import AlarmState, Cause, Health, JointRow, ScoreRow, Severity, iso
+from lostmotion.daemon.records import AlarmState, Cause, Health, JointRow, ScoreRow, Severity, SinkRow, SinkRows, iso
 from lostmotion.daemon.store import Store
 from tests.daemon import zenoh_world
 from tests.daemon.cli_world import call
@@ -64,8 +65,15 @@ def test_programs_get_numbers(tmp_path: Path, serve: Serve) -> None:
 def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
     """Health, reason, score, alarm and the unplugged device are there; nothing overflows; axe-core finds nothing."""
     fill(tmp_path / "history.db")
+    down = SinkRow(
+        "zenoh", False, datetime.now(UTC) - timedelta(minutes=3), "nobody answers at tcp/router:7447"
+    )
+    with closing(Store(tmp_path / "history.db", "arm1")) as store:
+        store.add(SinkRows((down, SinkRow("can", True, datetime.now(UTC) - timedelta(hours=5), ""))))
     page = look(serve("--config", robot(tmp_path)).address, width=width, dark=dark)
     expect(page.locator("h1")).to_have_text("arm1")
+    expect(page.locator("#sinks")).to_contain_text("zenohdown for 3 minnobody answers at tcp/router:7447")
+    expect(page.locator("#sinks")).to_contain_text("canup for 5 h–")
     card = page.locator('[data-joint="elbow"].card')
     expect(card.locator('[data-field="health"]')).to_have_text("WARNING")
     reason = "play: 100% of the last 20 windows above the level"
@@ -92,11 +100,13 @@ def test_news_comes_while_the_page_is_open(tmp_path: Path, serve: Serve, look: O
         store.add(ScoreRow("elbow", now, 0.25, 77.25, 4.0, True))
         store.add(JointRow("elbow", Health.ERROR, "the play is large", now))
         store.add(raised("elbow", Cause.DEVICE, Severity.ERROR, "the sensor is loose", now))
+        store.add(SinkRows((SinkRow("zenoh", False, now, "no session yet"),)))
         card = page.locator('[data-joint="elbow"].card')
         expect(card.locator('[data-field="score"]')).to_have_text(re.compile(r"77\.2"))
         expect(card.locator('[data-field="health"]')).to_have_text("ERROR")
         expect(card.locator(".fill.over")).to_have_attribute("width", "200.0")
         expect(page.locator(".alarm").first).to_contain_text("the sensor is loose")
+        expect(page.locator("#sinks")).to_contain_text("no session yet")
         expect(page.locator("#unwatched")).to_be_hidden()
     finally:
         store.close()

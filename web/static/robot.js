@@ -23,6 +23,14 @@ function troubles(found) {
     ...(one.place ? ["; look at the cable at ", element("code", {}, one.place)] : []))));
 }
 
+function sinks(found) {
+  document.getElementById("sinks-section").hidden = !found.length;
+  document.getElementById("sinks").replaceChildren(...found.map((one) => element("tr", {},
+    element("th", { scope: "row" }, one.sink),
+    element("td", {}, element("strong", { class: "state", "data-state": one.state }, one.state), ` ${one.since}`),
+    element("td", {}, one.error || "–"))));
+}
+
 listen({
   cards(robot) {
     if (robot.joints.some((joint) => !cards.has(joint.joint))) { location.reload(); return; }
@@ -31,6 +39,7 @@ listen({
     document.getElementById("alarms-section").hidden = !robot.alarms.length;
     showAlarms(document.getElementById("alarms"), robot.alarms);
     troubles(robot.troubles);
+    sinks(robot.sinks);
     document.body.dataset.updated = robot.time;
   },
 });
