@@ -25,6 +25,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import clipping_level
+from lostmotion.lab.data.energy import GAIN, energy_gain
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
@@ -77,7 +78,8 @@ def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 
 def _released(experiment: Experiment) -> Experiment:
-    part = _free_part(Signals.of(experiment))
+    signals = Signals.of(experiment)
+    part = _free_part(signals)
     if part.begins > experiment.time[0]:
         log.warning(
             "%s: moves freely only from %.4g s on; what is before is left out (a hand, a motor or a blow acts there)",
@@ -87,6 +89,13 @@ def _released(experiment: Experiment) -> Experiment:
         log.warning(
             "%s: moves freely only until %.4g s; what is after is left out (something acts on it again)",
             experiment.name, part.ends,
+        )  # fmt: skip
+    free = (signals.time >= part.begins) & (signals.time <= part.ends)
+    if signals.column == "position" and (gain := energy_gain(signals.position[free], signals.velocity[free])) > GAIN:
+        log.warning(
+            "%s: gains energy: it passes places again with up to %.0f %% more of its largest squared speed, so that "
+            "something drives it, though it is taken to move freely; give its torque: --map torque=SERIES",
+            experiment.name, 100 * gain,
         )  # fmt: skip
     return experiment.between(part.begins, part.ends)
 
