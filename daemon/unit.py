@@ -19,6 +19,7 @@ UNIT = "lostmotion.service"
 PAGE_UNIT = "lostmotion-web.service"
 STATE = Path("/var/lib/lostmotion")
 FOLDER = Path(lostmotion.__file__).parent / "systemd"
+DOCS = Path(lostmotion.__file__).resolve().parent / "docs"
 HIDDEN = tuple(map(Path, ("/home", "/root", "/run/user", "/tmp", "/var/tmp")))
 """what ProtectHome and PrivateTmp hide from the service"""
 READ, ENTER = 0o004, 0o001
@@ -67,7 +68,8 @@ def template(name: str) -> str:
 def unit_text(command: Path, systemd: int, name: str = UNIT) -> str:
     """A unit for the installed ``command``, with what that version of systemd knows."""
     word = re.sub(r'(["\\])', r"\\\1", str(command)).replace("%", "%%").replace("$", "$$")
-    lines = template(name).replace("@COMMAND@", f'"{word}"' if re.search(r"\s|[\"'\\]", word) else word).splitlines()
+    filled = template(name).replace("@COMMAND@", f'"{word}"' if re.search(r"\s|[\"'\\]", word) else word)
+    lines = filled.replace("@DOCS@", DOCS.as_uri().replace("%", "%%")).splitlines()
     known = (line for line in lines if SINCE.get(line.partition("=")[0], 0) <= systemd)
     return "".join(f"{line}\n" for line in known)
 

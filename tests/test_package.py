@@ -44,6 +44,7 @@ def test_wheel_is_whole_and_runs_the_simulated_robot(tmp_path: Path) -> None:
     assert (package / "py.typed").is_file()
     assert (package / "daemon/simulated.toml").is_file()
     assert (package / "systemd/lostmotion.service").is_file()
+    assert (package / "docs/installing.md").is_file()
     assert list(package.parent.glob("lostmotion-*.dist-info/licenses/LICENSE"))
     (licences,) = package.parent.glob("lostmotion-*.dist-info/licenses")
     assert (licences / "lab/report/assets/uPlot.LICENSE.txt").is_file()

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
@@ -21,6 +22,17 @@ def test_the_unit_runs_the_installed_command() -> None:
     """ExecStart is the given path, quoted and escaped by systemd's rules where it has to be."""
     assert f"\nExecStart={COMMAND} run --config /etc/lostmotion/lostmotion.toml\n" in unit_text(COMMAND, 252)
     assert '\nExecStart="/opt/my 50%% robot$$/lostmotion" run' in unit_text(Path("/opt/my 50% robot$/lostmotion"), 252)
+
+
+@pytest.mark.parametrize("name", [UNIT, PAGE_UNIT])
+def test_the_unit_names_pages_that_are_installed(name: str) -> None:
+    """`systemctl status` lists them."""
+    (pages,) = re.findall(r"^Documentation=(.+)$", unit_text(COMMAND, 252, name), re.MULTILINE)
+    for page in pages.split():
+        assert page.startswith("file:///")
+        assert (
+            Path(unquote(page.removeprefix("file://").replace("%%", "%"))).read_text(encoding="utf-8").startswith("#")
+        )
 
 
 @pytest.mark.parametrize(("version", "steps"), [(0, 0), (252, 0), (254, 2), (260, 2)])

@@ -65,9 +65,7 @@ def test_programs_get_numbers(tmp_path: Path, serve: Serve) -> None:
 def test_the_page_fits_and_is_accessible(tmp_path: Path, serve: Serve, look: Open, width: int, dark: bool) -> None:
     """Health, reason, score, alarm and the unplugged device are there; nothing overflows; axe-core finds nothing."""
     fill(tmp_path / "history.db")
-    down = SinkRow(
-        "zenoh", False, datetime.now(UTC) - timedelta(minutes=3), "nobody answers at tcp/router:7447"
-    )
+    down = SinkRow("zenoh", False, datetime.now(UTC) - timedelta(minutes=3), "nobody answers at tcp/router:7447")
     with closing(Store(tmp_path / "history.db", "arm1")) as store:
         store.add(SinkRows((down, SinkRow("can", True, datetime.now(UTC) - timedelta(hours=5), ""))))
     page = look(serve("--config", robot(tmp_path)).address, width=width, dark=dark)
