@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import zenoh
 
 from lostmotion.daemon.options import ZenohOptions
+from lostmotion.daemon.zenoh_reach import cause
 from lostmotion.drivers.textfile import TextFileError, read_text
 
-__all__ = ["JSON", "SCHEMA", "brief", "configuration", "connect_endpoints", "endpoints", "why_closed"]
+__all__ = [
+    "JSON",
+    "SCHEMA",
+    "authority",
+    "brief",
+    "configuration",
+    "connect_endpoints",
+    "endpoints",
+    "unreached",
+    "why_closed",
+]
+
+log = logging.getLogger(__name__)
 
 SCHEMA = 1
 """version of the payloads: grows when a key changes its meaning or goes away"""
@@ -28,6 +42,9 @@ TLS_FILES = (
 AUTH_FILES = ("usrpwd/dictionary_file", "pubkey/public_key_file", "pubkey/private_key_file", "pubkey/known_keys_file")
 FILE_IN_ENDPOINT = re.compile(r'[#;](\w+_file)=([^;"]+)')
 """as in tls/10.0.0.1:7447#root_ca_certificate_file=/etc/ca.pem;…"""
+AUTHORITY = "root_ca_certificate"
+LISTENER = re.compile(r"listener bound to (\S+?): \[.*?: ([^:\]]+?) \(os error \d+\)")
+"""what Zenoh says of an address where it cannot listen"""
 MOST_BYTES = 10_000_000
 """of a file of keys, certificates or passwords"""
 
@@ -124,16 +141,37 @@ def brief(error: zenoh.ZError) -> str:
 
 
 def why_closed(options: ZenohOptions, error: zenoh.ZError) -> str:
-    """Why no session opened: a file of TLS that this process cannot read, for which Zenoh only reports "unable to
-    connect"; else the text of the error."""
+    """Why no session opened, in one line: a file of TLS that this process cannot read, or what the endpoint answers,
+    of both of which Zenoh only says "unable to connect"; an address where it cannot listen; else the text of the
+    error, which the log has at the level DEBUG."""
+    log.debug("zenoh: %s", error)
+    text = brief(error)
     try:
-        tls = json.loads(configuration(options).get_json("transport/link/tls"))
+        config = configuration(options)
+        tls = json.loads(config.get_json("transport/link/tls"))
     except zenoh.ZError:
-        return brief(error)
+        return text
     for name in TLS_FILES:
         try:
             if tls.get(name):
                 Path(tls[name]).read_bytes()
         except OSError as unreadable:
             return f"{name} {tls[name]}: {unreadable.strerror}"
-    return brief(error)
+    if text.startswith("Unable to connect"):
+        return f"nobody answers at {unreached(connect_endpoints(config), authority(config))}"
+    if refused := LISTENER.search(text):
+        return f"cannot listen at {refused[1]}: {refused[2].lower()}"
+    return text
+
+
+def authority(config: zenoh.Config) -> str:
+    """The file of the certificates that a session trusts, "" for those of the system."""
+    return json.loads(config.get_json("transport/link/tls")).get(AUTHORITY) or ""
+
+
+def unreached(endpoints: Sequence[str], trusted: str) -> str:
+    """Endpoints that do not answer, each with the cause as far as it is known.  trusted: see ``authority``."""
+    causes = {
+        one: cause(one, dict(FILE_IN_ENDPOINT.findall(one)).get(f"{AUTHORITY}_file", trusted)) for one in endpoints
+    }
+    return ", ".join(f"{one.partition('#')[0]}{f': {why}' * bool(why)}" for one, why in causes.items())

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
+from msgspec.structs import replace
 
 from lostmotion.daemon.commands.where import find_config
 from lostmotion.daemon.crosscheck import check_endpoints
@@ -129,7 +130,9 @@ def _ask_at(fleet: Fleet, options: ZenohOptions, endpoint: str, selector: str) -
             answers.alive = {_robot(reply.ok.key_expr) for reply in alive if reply.ok}
             _collect(replies, answers)
     except zenoh.ZError as error:
-        answers.unreachable = why_closed(options, error)
+        alone = replace(options, connect=[endpoint]) if endpoint else options
+        why = why_closed(alone, error)
+        answers.unreachable = why.removeprefix(f"nobody answers at {endpoint.partition('#')[0]}: ")
     return answers
 
 

@@ -15,6 +15,7 @@ import zenoh
 
 from lostmotion.daemon.no_memory import retry_without_memory
 from lostmotion.daemon.repeats import Condition
+from lostmotion.daemon.zenoh_session import unreached
 
 __all__ = ["LOOK_S", "LinkMonitor"]
 
@@ -30,14 +31,18 @@ killed or stopped while there was memory each was seen so for 20 ms at most."""
 class LinkMonitor:
     """Looks every two seconds, in a thread of its own, as long as there are endpoints.
 
-    problem: why nothing arrives, "" while there is a link.
+    problem: why nothing arrives, "" while there is a link.  trusted: the file of the certificates that are trusted, ""
+    for those of the system.
 
     broken: is called, once, for a session that has to be closed and opened again, with the time [s, monotonic] at which
     a link was last seen.
     """
 
-    def __init__(self, session: zenoh.Session, endpoints: list[str], broken: Callable[[float], None]) -> None:
-        self._session, self._where, self._broken = session, ", ".join(endpoints), broken
+    def __init__(
+        self, session: zenoh.Session, endpoints: list[str], trusted: str, broken: Callable[[float], None]
+    ) -> None:
+        self._session, self._endpoints, self._trusted, self._broken = session, endpoints, trusted, broken
+        self._where = ", ".join(endpoints)
         self._condition = Condition(reported="")
         self.problem = f"nobody has answered at {self._where} yet" if endpoints else ""
         self._linked_at, self._without_link = time.monotonic(), 0
@@ -73,10 +78,10 @@ class LinkMonitor:
         return bool(self._session.info.links()), bool(self._session.info.transports())
 
     def _log_change(self, is_linked: bool) -> None:
-        self.problem = "" if is_linked else f"nobody answers at {self._where}"
+        self.problem = "" if is_linked else f"nobody answers at {unreached(self._endpoints, self._trusted)}"
         if not self._condition.is_news("" if is_linked else "nobody", time.monotonic()):
             return
         if is_linked:
             log.info("zenoh: %s answers", self._where)
         else:
-            log.warning("zenoh: nobody answers at %s; connecting is tried again, alarms are sent then", self._where)
+            log.warning("zenoh: %s; connecting is tried again, alarms are sent then", self.problem)

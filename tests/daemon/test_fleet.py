@@ -216,7 +216,11 @@ def test_an_answer_of_another_version(endpoint: str) -> None:
 def test_nobody_there(endpoint: str) -> None:
     """What is no address, no router, and a router without robots: one line each."""
     assert is_one_line(call("fleet", "status", "--connect", "here"), "--connect: found 'here', expected protocol/")
-    assert is_one_line(call("fleet", "status", "--connect", endpoint), endpoint, "nobody answers")
+    assert is_one_line(
+        call("fleet", "status", "--connect", endpoint), endpoint, "nobody answers", "(connection refused)"
+    )
+    unknown = "tcp/no-such-host.invalid:7447"
+    assert is_one_line(call("fleet", "status", "--connect", unknown), "(the host no-such-host.invalid is not known)")
     with session("router", listen=[endpoint]):
         assert is_one_line(call("fleet", "status", "--connect", endpoint, "--timeout", "0.5"), "no robot there")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -102,13 +103,13 @@ def test_a_router_that_dies_and_comes_back_is_told_once(
         assert sink.problem == ""
         router.kill()
         wait_until(told)
-        assert sink.problem == f"nobody answers at {endpoint}"
+        assert sink.problem == f"nobody answers at {endpoint}: connection refused"
         time.sleep(0.3)
         router.start()
         wait_until(lambda: len(told()) >= 2)
         assert sink.problem == ""
     assert told() == [
-        f"zenoh: nobody answers at {endpoint}; connecting is tried again, alarms are sent then",
+        f"zenoh: nobody answers at {endpoint}: connection refused; connecting is tried again, alarms are sent then",
         f"zenoh: {endpoint} answers",
     ]
 
@@ -155,3 +156,22 @@ def test_where_a_session_connects_to() -> None:
     assert sorted(connect_endpoints(config)) == ["tcp/a:1", "tcp/b:2"]
     config.insert_json5("connect/endpoints", json.dumps(["tcp/c:3"]))
     assert connect_endpoints(config) == ["tcp/c:3"]
+
+
+def test_a_session_that_does_not_open_has_its_cause(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    """In one line, with the endpoint; Zenoh's own text, which names places in its source, is in the log for DEBUG."""
+    caplog.set_level("DEBUG", "lostmotion")
+    with closing(ZenohSink("arm1", ZenohOptions(mode="client", connect=[endpoint]), NOWHERE)) as sink:
+        wait_until(
+            lambda: sink.problem == f"session not open, trying again: nobody answers at {endpoint}: connection refused"
+        )
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        where = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        with closing(ZenohSink("arm1", ZenohOptions(listen=[where]), NOWHERE)) as sink:
+            told = f"session not open, trying again: cannot listen at {where}: address already in use"
+            wait_until(lambda: sink.problem == told)
+    raw = [record.levelname for record in caplog.records if ".rs:" in record.message]
+    assert raw
+    assert {*raw} == {"DEBUG"}

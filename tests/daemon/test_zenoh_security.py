@@ -111,6 +111,10 @@ def test_who_has_no_good_certificate_gets_no_session(world: World, who: str) -> 
         zenoh.open(zenoh.Config.from_file(file))
     result = call("fleet", "status", "--zenoh", file)
     assert (result.exit_code, "nobody answers" in result.stderr) == (2, True)
+    why = {"wrong": "TLS: the certificate is not accepted: ", "without": "TLS answers, but Zenoh opens no session"}
+    assert why[who] in result.stderr
+    assert "orchestrator" not in result.stderr
+    assert "[Single(" not in result.stderr
 
 
 def test_certificates_that_are_in_use_are_kept(tmp_path: Path) -> None:
