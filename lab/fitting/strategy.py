@@ -21,7 +21,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.observer.filter import can_follow, states_at
-from lostmotion.lab.observer.global_search import search_parameters
+from lostmotion.lab.observer.global_search import SEEDS, search_parameters
 from lostmotion.lab.shooting.continuation import LONGER, Level, are_missed, fitted, merged
 from lostmotion.lab.shooting.initial_state import find_start, repaired, ringing_hz, segment_of, with_best_starts
 from lostmotion.lab.shooting.parameters import AT_BOUND, Unknowns, free_names
@@ -70,7 +70,6 @@ LONGEST_S = 1.01
 DOUBTED_SHARE = 0.3
 SCANNED = 4
 KEPT = 2
-SEEDS = 2
 POLISHED = 5
 
 

@@ -19,7 +19,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.strategy import doubled, full_fit, repaired_fit, settled
 from lostmotion.lab.gears.score_test import Direction
-from lostmotion.lab.observer.global_search import FARTHEST, search_effects
+from lostmotion.lab.observer.global_search import FARTHEST, Optimum
 from lostmotion.lab.selection.nesting import in_place, merged, others
 from lostmotion.lab.shooting.continuation import LONGER, Level, fitted
 from lostmotion.lab.shooting.initial_guess import restarts
@@ -72,19 +72,15 @@ def full_trials(near: Sequence[Trial], directions: Sequence[Direction], task: Ta
     return full_fits([(trial.effect, trial.level.model) for trial in near if trial.effect in asked], task, pool)
 
 
-def observer_trials(base: Level, effects: Sequence[str], task: Task, pool: Executor) -> Iterator[list[Trial]]:
-    """Fits on all of the shortest segments with those effects that have the least prediction errors of observers, best
-    first, in two batches: with the better half of the effects, then with the others while there is time."""
-    found = search_effects(base, effects, task, pool)
+def observer_trials(found: Sequence[Optimum], task: Task, pool: Executor) -> Iterator[list[Trial]]:
+    """Fits on all of the shortest segments that begin at these minima of the prediction error of observers, in two
+    batches: with the better half of the effects, then with the others while there is time."""
     names = list(dict.fromkeys(one.effect for one in found))
     half = (len(names) + 1) // 2
-
-    def fits(part: list[str]) -> list[Trial]:
-        return full_fits([(one.effect, merged(one.model)) for one in found if one.effect in part], task, pool)
-
-    yield fits(names[:half])
-    if names[half:] and not is_over():
-        yield fits(names[half:])
+    for part in (names[:half], names[half:]):
+        if part and (part[0] == names[0] or not is_over()):
+            begin = [(one.effect, merged(one.model)) for one in found if one.effect in part]
+            yield full_fits(begin, task, pool)
 
 
 def repaired_trial(effect: str, model: Model, level: Level, task: Task) -> Trial:

@@ -72,7 +72,7 @@ def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequen
         found += batch.fits
         ranked = replace(
             _ranked(found, batch.rejected, now, likelihood),
-            untried=batch.untried, rejected=batch.rejected, detectable=batch.detectable,
+            untried=batch.untried, rejected=batch.rejected, detectable=batch.detectable, begin=batch.begin,
         )  # fmt: skip
         if ranked.is_accepted:
             break
@@ -155,32 +155,45 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     A pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Its first effect
     is the one that explains most of what proposes candidates, of equals one that ``_is_preferred``: gravity without
     damping is out of phase after some swings, and predicts nothing.  Where none explains more than the present fit, it
-    is the best one that only takes too little to be named.  The other pair is that of ``opposed``.
+    is the best one that only takes too little to be named.  Another pair is that of ``opposed``.  Where neither is
+    significant, a pair begins with the ``begin`` of the step.
     """
     alone = {one.effect: one for one in step_alone.judged}
-    pairs = len(alone) * (len(alone) - 1) / 2
     less = math.sqrt(1 - policy.LEAST_GAIN)
     best = min((one.fit.screened for one in alone.values()), default=math.inf)
     promising = [one for one in alone.values() if less * one.fit.screened <= best < less * now.screened]
     promising = promising or [one for one in alone.values() if one.takes_too_little][:1]
-    found: list[list[Step[F]]] = []
     tries: list[tuple[Candidate[F], Sequence[str]]] = []
     if promising and likelihood.tries_pairs(added):
         leading = min(promising, key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.screened))
         tries.append((leading, ()))
     if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
         tries.append((alone[opposed[0]], opposed[1:]))
-    for begun, only in tries:
-        first = replace(begun, fit=likelihood.accepted(begun.fit, now))
-        second = step(first.fit, (*added, first.effect), likelihood, only)
-        if not second.is_accepted:
-            continue
-        both = second.judged[0]
-        others = (now, *(alone[name].fit for name in (both.effect,) if name in alone))
-        p_value = max(pairs * likelihood.predictions(one, both.fit).p_value for one in others)
-        if p_value < policy.FALSE_NAME:
-            first, both = replace(first, p_value=p_value), replace(both, p_value=p_value)
-            rest = (one for one in step_alone.judged if one.effect != first.effect)
-            alone_first = Step((first, *rest), untried=step_alone.untried)
-            found.append([alone_first, replace(second, judged=(both, *second.judged[1:]))])
-    return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
+    found = [pair for one in tries if (pair := _pair_from(*one, step_alone, now, added, likelihood))]
+    if step_alone.begin and not found:
+        effect, fit = step_alone.begin
+        known = alone.get(effect, Candidate(effect, fit, gain=0.0, p_value=1.0, blocks=1))
+        found = [_pair_from(replace(known, fit=fit), (), step_alone, now, added, likelihood)]
+    return min(found, key=lambda two: two[1].judged[0].fit.rms if two else math.inf, default=[])
+
+
+def _pair_from(
+    begun: Candidate[F], only: Sequence[str], step_alone: Step[F], now: F, added: tuple[str, ...],
+    likelihood: Likelihood[F],
+) -> list[Step[F]]:  # fmt: skip
+    """The steps of the pair that begins with a candidate, none where it is not significant; only: see ``proposals``."""
+    alone = {one.effect: one for one in step_alone.judged}
+    first = replace(begun, fit=likelihood.accepted(begun.fit, now))
+    second = step(first.fit, (*added, first.effect), likelihood, only)
+    if not second.is_accepted:
+        return []
+    both = second.judged[0]
+    others = (now, *(alone[name].fit for name in (both.effect,) if name in alone))
+    pairs = len(alone) * (len(alone) - 1) / 2
+    p_value = max(pairs * likelihood.predictions(one, both.fit).p_value for one in others)
+    if p_value >= policy.FALSE_NAME:
+        return []
+    first, both = replace(first, p_value=p_value), replace(both, p_value=p_value)
+    rest = (one for one in step_alone.judged if one.effect != first.effect)
+    alone_first = Step((first, *rest), untried=step_alone.untried)
+    return [alone_first, replace(second, judged=(both, *second.judged[1:]))]

@@ -19,12 +19,14 @@ F = TypeVar("F", bound=Fit)
 class Proposals(Generic[F]):
     """Fits with one more effect each; untried: effects that were not fitted because the time was up; rejected: those
     that the data of the fit do not show, which count as tried; detectable: the size at which they would have, with the
-    parameter's name."""
+    parameter's name; begin: an effect with which a pair may begin, and a fit with it, where the fits follow too little
+    to show which."""
 
     fits: Sequence[tuple[str, F]]
     untried: tuple[str, ...] = ()
     rejected: tuple[str, ...] = ()
     detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    begin: tuple[str, F] | None = None
 
 
 class Likelihood(Protocol[F]):
@@ -78,13 +80,14 @@ class Likelihood(Protocol[F]):
 @dataclass(frozen=True, eq=False)
 class Step(Generic[F]):
     """The candidates of one step, best first; confusable: the effects that explain as much as the first; untried,
-    rejected, detectable: see ``Proposals``."""
+    rejected, detectable, begin: see ``Proposals``."""
 
     judged: tuple[Candidate[F], ...]
     confusable: tuple[str, ...] = ()
     untried: tuple[str, ...] = ()
     rejected: tuple[str, ...] = ()
     detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    begin: tuple[str, F] | None = None
 
     @property
     def is_accepted(self) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from lostmotion.lab.gears import likelihood, score_test
 from lostmotion.lab.gears.likelihood import SegmentFit, ShortSegments
 from lostmotion.lab.gears.trials import Trial
 from lostmotion.lab.gears.unseen import Unseen, Validation
+from lostmotion.lab.observer.global_search import Optimum
 from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.selection.search import Selection
@@ -161,10 +162,9 @@ class Draw:
             for one in asked
         ]
 
-    def observed(self, base: Level, effects: Sequence[str], *rest: object) -> list[list[Trial]]:
+    def observed(self, base: Level, found: Sequence[Optimum], *rest: object) -> list[list[Trial]]:
         """Fits with those effects that leave the least, as a perfect search would find them, in two batches."""
-        models = [MODEL.with_effect(effect) for effect in effects if effect in self.motion.effects]
-        fits = [replace(base, model=model, typical=float(np.std(self.solved(model)[0]))) for model in models]
+        fits = [replace(base, model=one.model, typical=float(np.std(self.solved(one.model)[0]))) for one in found]
         best = sorted(fits, key=lambda fit: fit.typical)[: policy.FINISHED]
         trials, half = [Trial(fit.model.effects[-1], fit) for fit in best], (len(best) + 1) // 2
         return [part for part in (trials[:half], trials[half:]) if part]
@@ -229,9 +229,13 @@ def search(motion: Motion, seed: int, monkeypatch: pytest.MonkeyPatch) -> Select
     monkeypatch.setattr(Segment, "linearised", draw.linearised)
     monkeypatch.setattr(score_test, "_columns", draw.by_effect)
     monkeypatch.setattr(likelihood, "near_trials", draw.tried)
-    monkeypatch.setattr(likelihood, "observer_trials", draw.observed)
     unknowns = Unknowns.of(MODEL)
     level = Level(MODEL, unknowns, unknowns.z(MODEL), tuple(one.segment for one in motion.fitted), 1.0, 1.0)
+    optima = [Optimum(MODEL.with_effect(effect), 1.0, effect) for effect in motion.effects]
+    monkeypatch.setattr(
+        likelihood, "search_effects", lambda base, effects, *_: [o for o in optima if o.effect in effects]
+    )
+    monkeypatch.setattr(likelihood, "observer_trials", partial(draw.observed, level))
     task = Task(MODEL, tuple(one.segment.experiment for one in motion.fitted), {"accel": 0.2}, SUBSTEP_S, 0)
     with ThreadPoolExecutor(1) as pool:
         unseen = LinearUnseen(motion.unseen[0].segment.experiment, task, 0.5, pool, draw)

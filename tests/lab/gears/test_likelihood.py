@@ -41,15 +41,15 @@ def test_a_segment_that_one_fit_cannot_simulate_does_not_choose(monkeypatch: pyt
     (1.1, 1.5, 1.5, 5.0, ["longest"]),
     (1.1, 1.0, 1.0, 50.0, ["longest"]),
     (1.1, 1.5, 1.5, 50.0, ["longest", "observers"]),
-    (1.1, 1.9, 4.0, 5.0, ["short", "longest", "observers"]),
-    (1.1, 5.0, 4.0, 50.0, ["short", "observers"]),
+    (1.1, 1.9, 4.0, 5.0, ["short", "longest", "observers", "observers"]),
+    (1.1, 5.0, 4.0, 50.0, ["short", "observers", "observers"]),
 ])  # fmt: skip
 def test_where_candidates_are_looked_for(
     short: float, longest: float, unseen: float, statistic: float, asked: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The longest segments are asked as long as the model is near the noise there, whatever it leaves of unseen ones;
-    observers where it is not, and where a significant score leads to no effect and more is left than on the shortest
-    segments."""
+    observers, twice, where it is not, and once where a significant score leads to no effect and more is left than on
+    the shortest segments."""
     met: list[str] = []
     direction = Direction("viscous_friction", build_model("play"), statistic, 1.0)
     found = "lostmotion.lab.gears.likelihood"
@@ -65,7 +65,7 @@ def test_where_candidates_are_looked_for(
     for name in ("near_trials", "full_trials"):
         monkeypatch.setattr(f"{found}.{name}", lambda *rest: [])
     monkeypatch.setattr(f"{found}.score_test", score)
-    monkeypatch.setattr(f"{found}.observer_trials", observed)
+    monkeypatch.setattr(f"{found}.search_effects", observed)
     monkeypatch.setattr(f"{found}.with_clipping", lambda *rest: None)
     monkeypatch.setattr(ShortSegments, "_validated", lambda *rest: None)
     levels: Any = [SimpleNamespace(name=name, typical=typical, model=build_model("play"))

@@ -155,15 +155,13 @@ def test_what_observers_propose_is_fitted_in_two_batches(monkeypatch: pytest.Mon
     names = ["stribeck_friction", "gear_eccentricity", "gear_eccentricity", "clock_skew", "command_delay"]
     found = [Optimum(base.with_effect(name), 1.0 + at, name) for at, name in enumerate(names)]
     fitted = list[list[tuple[str, Any]]]()
-    monkeypatch.setattr("lostmotion.lab.gears.trials.search_effects", lambda *rest: found)
     monkeypatch.setattr("lostmotion.lab.gears.trials.full_fits", lambda begin, *rest: fitted.append(begin) or begin)
-    level, task, pool = cast(Any, None), cast(Any, None), cast(Any, None)
-    batches = observer_trials(level, names, task, pool)
+    task, pool = cast(Any, None), cast(Any, None)
+    batches = observer_trials(found, task, pool)
     assert [effect for effect, _ in cast(Any, next(batches))] == names[:3]
     assert fitted[0][0][1].effects == ("stribeck_friction",)
     assert [effect for effect, _ in cast(Any, next(batches))] == names[3:]
     assert not list(batches)
     with within(0.0):
-        assert len(list(observer_trials(level, names, task, pool))) == 1
-    found.clear()
-    assert list(observer_trials(level, names, task, pool)) == [[]]
+        assert len(list(observer_trials(found, task, pool))) == 1
+    assert not list(observer_trials([], task, pool))

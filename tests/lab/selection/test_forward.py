@@ -252,6 +252,27 @@ def test_an_effect_that_takes_too_little_alone_is_the_first_of_a_pair() -> None:
     assert set(selected(Far(measured, columns), lambda what, part: None).added) == {FIRST, SECOND}
 
 
+def test_a_pair_begins_with_a_fit_that_a_proposal_names() -> None:
+    """No fit with one of two effects follows the data, but the proposals have the first of them from elsewhere."""
+
+    class Led(Columns):
+        def proposals(
+            self, now: Regressed, added: tuple[str, ...], only: Sequence[str] = ()
+        ) -> Iterator[Proposals[Regressed]]:
+            if added:
+                yield from super().proposals(now, added)
+                return
+            missed = [(name, replace(now, model=now.model.with_effect(name))) for name in self.columns]
+            yield Proposals(missed)
+            yield Proposals([], begin=(SECOND, self.fit([SECOND])))
+
+    columns = independent()
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    both = Led(noise + 6.0 * (columns[FIRST] + columns[SECOND]), columns)
+    assert set(selected(both, lambda what, part: None).added) == {FIRST, SECOND}
+    assert not selected(Led(noise, columns), lambda what, part: None).added
+
+
 class Distinguished(Columns):
     """A last recording that the second column predicts worse than the first."""
 
