@@ -43,8 +43,8 @@ FINE_STEP = 3e-8
 parameters then looked distinct, and intervals were up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same to
 some percent: fixed integration steps leave hardly any rounding."""
 LAG_SHARE, OWN_SHARE = 0.003, 0.1
-"""Scale of the state of a lag, which follows from the input, and of other states of effects, as shares of the scale of
-the joint's state of the same kind."""
+"""Scale of the state of a lag of the command, which is known, and of other states of effects, as shares of the scale
+of the joint's state of the same kind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ def state_scales(model: Model, experiment: Experiment) -> FloatArray:
         None: base[-2] if len(base) > 2 else turn,
     }
     own = [
-        (LAG_SHARE if len(states) == 1 else OWN_SHARE) * like.get(signal, accel or turn)
+        (LAG_SHARE if len(states) == 1 and signal in like else OWN_SHARE) * like.get(signal, accel or turn)
         for states in (get_effect(name).states for name in _ordered(model))
         for signal in states
     ]
