@@ -49,6 +49,13 @@ SHORTEST_S = 1e-9
 """between rows, as a rule; sensors of bars take some 1e-3"""
 
 
+class _Columns(dict[str, FloatArray]):
+    """Columns by name, whose KeyError names those that there are."""
+
+    def __missing__(self, name: str) -> FloatArray:
+        raise KeyError(f"no column {name!r}; there are {', '.join(self) or 'none'}")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
     """Columns over time, in SI units.
@@ -64,6 +71,21 @@ class Recording:
     extra: Mapping[str, Sequence[str]] = field(default_factory=dict)
     truncated: int = 0
     name: str = "recording"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", _Columns(self.columns))
+
+    def __getitem__(self, column: str) -> FloatArray:
+        """The values of a column (N,), NaN where a cell is empty; ``time`` is one, too.
+
+        Raises KeyError, which names the columns that there are, for another one.
+        """
+        return self.time if column == "time" else self.columns[column]
+
+    def __repr__(self) -> str:
+        """Its length and columns, without the numbers."""
+        what = f"{self.time.size} rows over {self.duration:.4g} s of {', '.join(self.columns) or 'no known columns'}"
+        return f"<Recording {self.name!r}: {what}>"
 
     @property
     def duration(self) -> float:

@@ -32,6 +32,10 @@ class Displayed:
 
     __slots__ = ()
 
+    def __repr__(self) -> str:
+        """The verdict in sentences, without the arrays."""
+        return f"<{type(self).__name__}: {' '.join(_notebook().sentences(self))}>"
+
     def _repr_html_(self) -> str:
         """The verdict in sentences, and a table."""
         return str(_notebook().html(self))
@@ -65,7 +69,7 @@ class Estimate:
         return {"parameter": self.name, "value": _number(self.value), "unit": self.unit}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit(Displayed):
     """A model fitted to experiments.
 
@@ -94,8 +98,10 @@ class Fit(Displayed):
     """How much later than recorded that torque acts; the experiments are without this delay."""
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of that parameter.  Raises KeyError for one that was not free."""
+        """The estimate of that parameter.  Raises KeyError, which names those that were free, for another one."""
         found = {estimate.name: estimate for estimate in self.estimates}
+        if name not in found:
+            raise KeyError(f"no estimate of {name!r}; there are those of {', '.join(found) or 'none'}")
         return found[name]
 
     def document(self) -> dict[str, Any]:
@@ -221,7 +227,7 @@ class InputLimit:
         return {"step": self.step, "rate_hz": self.rate_hz, "error": self.error, "sensor": self.sensor}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Explanation(Displayed):
     """What is missing from a model.
 
@@ -297,7 +303,7 @@ class Explanation(Displayed):
         }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ladder(Displayed):
     """How the error fell, effect by effect; last: the explanation that added nothing more."""
 

@@ -57,6 +57,11 @@ class Model:
     effects: tuple[str, ...]
     parameters: Mapping[str, Parameter] = field(hash=False)
 
+    def __repr__(self) -> str:
+        """Base, effects, and the values of the parameters with their units."""
+        values = ", ".join(f"{name} = {one.value:.6g} {one.unit}".rstrip() for name, one in self.parameters.items())
+        return f"<Model: base {self.base}, effects: {', '.join(self.effects) or 'none'}; {values}>"
+
     def replace(self, values: Mapping[str, float | Parameter]) -> Model:
         """A copy with these values.  Raises ModelError as build_model does."""
         parameters = dict(self.parameters)

@@ -27,7 +27,15 @@ class Trajectory:
     substep_s: float
 
     def __getitem__(self, name: str) -> FloatArray:
+        """The signal of that name.  Raises KeyError, which names those that exist, for another one."""
+        if name not in self.signals:
+            raise KeyError(f"no signal {name!r}; there are {', '.join(self.signals)}")
         return self.signals[name]
+
+    def __repr__(self) -> str:
+        """Its length and signals, without the arrays."""
+        span = f"{self.time.size} times, {self.time[0]:.6g} to {self.time[-1]:.6g} s"
+        return f"<Trajectory: {span}: {', '.join(self.signals)}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """To another process goes a plain dict; read-only views of one cannot be pickled."""

@@ -94,7 +94,7 @@ class Overlay:
         return fit_percent(self.measured, self.modelled)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Displayed):
     """The result of a comparison.
 

@@ -83,6 +83,12 @@ class Experiment:
     drive_step: float = 0.0
     """The step to which the command of gears was rounded [rad], 0 where it was not; see rounded_input.py."""
 
+    def __repr__(self) -> str:
+        """Its size and columns, without the arrays."""
+        moved = "free" if self.drive is None else "driven"
+        what = f"{self.time.size} samples over {self.duration:.3g} s of {', '.join(self.measured)}"
+        return f"<Experiment {self.name!r}: {what}, {moved}>"
+
     @property
     def duration(self) -> float:
         """From the first sample to the last [s]."""

@@ -14,7 +14,7 @@ from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder, Rung
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["html", "plot"]
+__all__ = ["html", "plot", "sentences"]
 
 WIDTH, HEIGHT = 8.0, 3.6
 """Size of the two plots of one column of one recording [inch]."""
@@ -24,15 +24,28 @@ BESIDE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols
 
 def html(found: Displayed) -> str:
     """The verdict in sentences and a table, as HTML without style sheets, as a notebook has its own."""
+    told = paragraphs(sentences(found))
     if isinstance(found, Ladder):
-        return paragraphs(verdict.of_ladder(found)) + _rungs(found.rungs)
+        return told + _rungs(found.rungs)
     if isinstance(found, Explanation):
-        return paragraphs(verdict.of_explanation(found)) + _ranking(found)
+        return told + _ranking(found)
     if isinstance(found, Fit):
         parameters = fitted.parameters(found)
-        return paragraphs(verdict.of_fit(found)) + (parameters.body if parameters else "")
+        return told + (parameters.body if parameters else "")
     assert isinstance(found, Comparison)
-    return paragraphs(verdict.of_comparison(found)) + misfit.errors(found).body
+    return told + misfit.errors(found).body
+
+
+def sentences(found: Displayed) -> tuple[str, ...]:
+    """The verdict."""
+    if isinstance(found, Ladder):
+        return verdict.of_ladder(found)
+    if isinstance(found, Explanation):
+        return verdict.of_explanation(found)
+    if isinstance(found, Fit):
+        return verdict.of_fit(found)
+    assert isinstance(found, Comparison)
+    return verdict.of_comparison(found)
 
 
 def plot(found: Displayed) -> Figure:

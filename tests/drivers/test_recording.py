@@ -140,7 +140,7 @@ def test_the_end_is_found_wherever_it_falls(rest: str, tmp_path: Path) -> None:
         ("# a = 1\n", "found no header"),
         ("time,accel\n", "a header and no rows"),
         ("0,1\n1,2\n", "found column1, column2, and none that is clearly a column"),
-        ("# a = 1\nuhr;laut\n1;2\n", "found uhr, laut, and none that is clearly a column; assign them"),
+        ("# a = 1\nuhr;laut\n1;2\n", "found uhr, laut, and none that is clearly a column; nothing in it changes"),
         ("time,a,b\n0,1,2\n1,2,3\n", "found time, a, b, and none that is clearly a column"),
         ("time,accel,accel\n0,1,2\n", "line 1: found the column 'accel' twice"),
         (f"time,{','.join(f'c{k}' for k in range(15_000))},c7\n", "line 1: found the column 'c7' twice"),
