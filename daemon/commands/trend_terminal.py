@@ -31,15 +31,15 @@ def plot(history: History) -> str:
     time, score = history.medians(width - 12)
     lowest, highest = min(score.min(), 0.0), 1.05 * max(score.max(), wear.limit)
     figure.ruler("y").lim(lowest, highest)
-    level = figure.segment((wear.first, wear.last), (wear.limit, wear.limit), marker="─")
-    figure.draw(level.label(f"level {wear.limit:.4g}"))
+    figure.draw(figure.segment((wear.first, wear.last), (wear.limit, wear.limit), marker="─"))
     for change in wear.change_points:  # figure.line would paint a white background
         figure.draw(figure.segment((change, change), (lowest, highest), marker="┊"))
     ends = [wear.first if wear.recent is wear.slope else wear.change_points[-1], wear.last]
-    line = figure.signal(ends, [wear.recent.at(t) for t in ends], marker="braille").lines()
-    figure.draw(line.label("Theil-Sen"))
-    figure.draw(figure.signal(time.tolist(), score.tolist(), marker="•").label("median"))
+    figure.draw(figure.signal(ends, [wear.recent.at(t) for t in ends], marker="braille").lines())
+    figure.draw(figure.signal(time.tolist(), score.tolist(), marker="•"))
     ticks = np.linspace(wear.first, wear.last, TICKS).tolist()
     form = "%Y-%m-%d" if history.span > TICKS * DAY else "%H:%M:%S"
     figure.ruler("x").ticks(ticks, [f"{history.utc(t):{form}}" for t in ticks])
-    return str(figure.build().string(colorless=plain)).strip("\n")
+    changed = "   ┊ change" if wear.change_points else ""
+    legend = f"• median   ⢕ Theil-Sen   ─ level {wear.limit:.4g}{changed}"
+    return f"{str(figure.build().string(colorless=plain)).strip(chr(10))}\n{legend:^{width}}".rstrip()

@@ -23,6 +23,8 @@ __all__ = ["show"]
 HEIGHT = 16
 SHOWN_S = 0.5
 """Length of the segment that the plot shows: a few impacts with their ringing."""
+LEGEND = "• measured   ⢕ modelled"
+"""below the plot, where it covers nothing"""
 MOST_RANKED = 8
 
 
@@ -76,9 +78,9 @@ def _plot(overlay: Overlay) -> str:
     shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured[inside]))))
     figure.title(f"{overlay.what} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}")
     modelled, measured = (values[inside] * shown.factor for values in (overlay.modelled, overlay.measured))
-    figure.draw(figure.signal(time, modelled.tolist(), marker="braille").lines().label("modelled"))
-    figure.draw(figure.signal(time, measured.tolist(), marker="•").label("measured"))
-    return str(figure.build().string(colorless=plain)).strip("\n")
+    figure.draw(figure.signal(time, modelled.tolist(), marker="braille").lines())
+    figure.draw(figure.signal(time, measured.tolist(), marker="•"))
+    return f"{str(figure.build().string(colorless=plain)).strip(chr(10))}\n{LEGEND:^{width}}".rstrip()
 
 
 def _segment(overlay: Overlay) -> FloatArray:

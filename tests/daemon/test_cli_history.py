@@ -479,6 +479,13 @@ def test_trend_picture(database: Path, tmp_path: Path) -> None:
     assert is_one_line(refused, "x.png: cannot be written: No such file or directory; is there a folder")
 
 
+def test_the_legend_of_a_plot_is_below_it(database: Path) -> None:
+    """No box lies on the curve: the rows of the plot have its frame, curve and level only."""
+    lines = call("trend", "elbow", "--database", database).stdout.splitlines()
+    assert lines[-1].strip().startswith("• median   ⢕ Theil-Sen   ─ level 60.16")
+    assert sum("┌" in line for line in lines) == 1
+
+
 def test_the_level_of_a_picture_is_rounded_as_in_the_terminal(database: Path, tmp_path: Path) -> None:
     """The limit of a severity, 17.5 mrad, is 60.16 arc-minutes in the legend."""
     picture = tmp_path / "wear.svg"

@@ -51,6 +51,13 @@ def test_a_unit_in_brackets_is_no_markup(capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.slow
+def test_the_legend_of_a_plot_is_below_it(folder: Path) -> None:
+    """No box lies on the curves."""
+    lines = call("lab", "compare", folder / "model.toml", folder / "rec.csv").stdout.splitlines()
+    assert sum("┌" in line for line in lines) == 1
+    assert "• measured   ⢕ modelled" in [line.strip() for line in lines]
+
+
 def test_curves_are_what_was_compared(folder: Path) -> None:
     """Measured minus modelled of the file has the error that the document tells; the sentences tell it, too."""
     path = folder / "compared.json"
