@@ -73,7 +73,7 @@ log = logging.getLogger(__name__)
 
 def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """The experiments, those without an input reduced to their free part; a warning reports what is left out.  Raises
-    ExperimentError for a shaft that does not slow down without an input."""
+    ExperimentError for a shaft that does not slow down without an input, and for a motion that gains energy."""
     return tuple(one if one.is_driven else _released(one) for one in experiments)
 
 
@@ -90,14 +90,23 @@ def _released(experiment: Experiment) -> Experiment:
             "%s: moves freely only until %.4g s; what is after is left out (something acts on it again)",
             experiment.name, part.ends,
         )  # fmt: skip
-    free = (signals.time >= part.begins) & (signals.time <= part.ends)
-    if signals.column == "position" and (gain := energy_gain(signals.position[free], signals.velocity[free])) > GAIN:
-        log.warning(
-            "%s: gains energy: it passes places again with up to %.0f %% more of its largest squared speed, so that "
-            "something drives it, though it is taken to move freely; give its torque: --map torque=SERIES",
-            experiment.name, 100 * gain,
-        )  # fmt: skip
+    if signals.column == "position":
+        _check_energy(signals, part)
     return experiment.between(part.begins, part.ends)
+
+
+def _check_energy(signals: Signals, part: _FreePart) -> None:
+    """Raises ExperimentError for a part that gains energy, as a joint under control does, or one whose neighbour
+    swings."""
+    free = (signals.time >= part.begins) & (signals.time <= part.ends)
+    gain = energy_gain(signals.position[free], signals.velocity[free])
+    if gain > GAIN:
+        raise ExperimentError(
+            f"{signals.experiment.name}: found a motion that gains energy, as no free one does (where it passes a "
+            f"place again, the square of its speed is larger by up to {100 * gain:.0f} % of the largest), and nothing "
+            "that drives it; expected what does: choose its series with --map torque=SERIES (or current=, voltage=), "
+            "or cut out the part that moves by itself"
+        )
 
 
 class _FreePart(NamedTuple):
