@@ -132,9 +132,7 @@ def guessed(
         axis = LINE if choice.is_linear else TURN
         advice = _several(notes) or _advice(series, clock, moving or {}, spans, axis)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
-    used = {one.series for one in chosen.values()}
-    if left := [one for one in series if one.name not in {*used, clock} and not is_time(one.name)]:
-        notes.append(f"not used: {listed(left)}")
+    notes += _of_left([one for one in series if one.name != clock], chosen, notes, spans)
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
 
 
@@ -176,6 +174,23 @@ def _changing(series: Sequence[Series], spans: Spans) -> Sequence[Series]:
     known = spans(speeds) if len(speeds) > 1 else {}
     still = [name for name, (low, high) in known.items() if low == high]
     return [one for one in series if one.name not in still] if len(still) < len(speeds) else series
+
+
+def _of_left(series: Sequence[Series], chosen: Mapping[str, Chosen], notes: Sequence[str], spans: Spans) -> list[str]:
+    """What is not used, and what to type for the motion where only what drives it was found, and nothing is said of a
+    speed."""
+    used = {one.series for one in chosen.values()}
+    left = [one for one in series if one.name not in used and not is_time(one.name)]
+    told = [f"not used: {listed(left)}"] if left else []
+    if {"accel", *MOTIONS} & {*chosen} or any(note.startswith(("position", "accel")) for note in notes):
+        return told
+    left = _unnamed(left, "")
+    names = [one.name for one in left if _may_be_position(one) and not (is_other(one.name) or is_input(one.name))]
+    moves = next(((name, span) for name, span in spans(names).items() if span[0] < span[1]), None)
+    if moves is None:
+        return told
+    name, span = moves
+    return [*told, f"position: none; if {shown(name)} is it, use {mapped('position', name, TURN.unit(span))}"]
 
 
 def _several(notes: Sequence[str]) -> str:

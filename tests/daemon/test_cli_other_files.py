@@ -214,7 +214,9 @@ def test_turns_a_second_may_be_called_hertz(tmp_path: Path) -> None:
     said = told(saved(tmp_path / "brake.csv", {"time [s]": T} | dict.fromkeys(names, SPEED)))
     assert "position = velocity measured [Hz]" in said
     assert "torque = motor torque [Nm]" in said
-    assert "position" not in told(saved(tmp_path / "x.csv", {"time [s]": T, "rate [Hz]": SPEED, "torque [Nm]": ANGLE}))
+    assert "position =" not in told(
+        saved(tmp_path / "x.csv", {"time [s]": T, "rate [Hz]": SPEED, "torque [Nm]": ANGLE})
+    )
 
 
 def test_series_that_nobody_named_may_drive(tmp_path: Path) -> None:
@@ -245,3 +247,10 @@ def test_a_line_of_units_may_have_a_title(tmp_path: Path) -> None:
     assert "time: Channel name [s]" in said
     assert "position = Angle" in said
     assert "torque = Torque  (N m" in said
+
+
+def test_a_drive_without_a_motion_is_told_what_may_be_it(tmp_path: Path) -> None:
+    """In Portuguese: output, error, effort."""
+    said = told(saved(tmp_path / "eixo.csv", {"Tempo": T, "Saída": 90 * ANGLE, "Erro": SPEED, "Esforço": SPEED}))
+    assert "torque = Esforço" in said
+    assert "position: none; if Saída is it, use --map 'position=Saída:deg'" in said
