@@ -43,6 +43,7 @@ class Recorder:
     def __init__(self, path: str | Path, metadata: Mapping[str, Any], origin: float = 0.0) -> None:
         self.rows = 0
         self.late = 0
+        self._first = self._last = 0.0
         self._path = Path(path)
         self._origin = origin
         self._pending = {"servo": _nothing(SERVO_COLUMNS), "accel": _nothing(("accel",))}
@@ -114,7 +115,13 @@ class Recorder:
             zip(cells(rounded), *(cells(columns[name]) for name in COLUMNS), strict=True)
         )
         self._write(text.getvalue())
+        self._first, self._last = self._first if self.rows else float(times[0]), float(times[-1])
         self.rows += len(times)
+
+    @property
+    def duration(self) -> float:
+        """From the first row that was written to the last [s]."""
+        return self._last - self._first
 
     def _begin(self) -> None:
         """Writes the head, in place of what an earlier file held."""

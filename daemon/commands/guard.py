@@ -76,7 +76,8 @@ def _status(call: Callable[[], Any]) -> int:
         sys.stdout.flush()
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "lostmotion"
-        return _print_error(f"{_usage(error)}; see {command} --help")
+        said = _usage(error)
+        return _print_error(f"{said}{' See' if said.endswith('?') else '; see'} {command} --help")
     except click.ClickException as error:
         return _print_error(error.format_message())
     except click.Abort:

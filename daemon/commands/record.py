@@ -75,8 +75,7 @@ def record(
             recorder.close()
             tally.counts["late"] += recorder.late
             measured_s = min(devices.clock.now() - start, duration_s)
-            missing = f" ({tally})" if str(tally) else ""
-            sys.stderr.write(f"{output}: {counted(recorder.rows, 'row')} of {what}{missing}\n")
+            sys.stderr.write(f"{output}: {counted(recorder.rows, 'row')} of {what}{_span(recorder, tally)}\n")
     if recorder.rows == 0:
         raise RecordError(f"{output}: found no samples in {duration_s:g} s; try `lostmotion doctor --config {given}`")
     if as_json:
@@ -85,6 +84,11 @@ def record(
         names["accelerometer"] = config.accelerometers[0].name
         document = {"path": str(output), **names, "rows": recorder.rows, "duration": measured_s}
         print_json(document | {"rates": rates, "losses": tally.counts})
+
+
+def _span(recorder: Recorder, tally: Tally) -> str:
+    """How long a recording is, and what is missing in it."""
+    return (f" over {recorder.duration:.4g} s" if recorder.rows else "") + (f" ({tally})" if str(tally) else "")
 
 
 def _alone(config: Config, asked: str | None) -> Config:

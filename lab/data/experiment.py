@@ -169,6 +169,8 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:
     recording = _without_zeros(with_stand_ins(recording, model.base, OUTPUTS[model.base]), INPUT[model.base])
     outputs = [name for name in OUTPUTS[model.base] if is_sampled(recording, name)]
+    if not outputs and (empty := [name for name in OUTPUTS[model.base] if name in recording.columns]):
+        raise ExperimentError(f"{recording.name}: found no number in {', '.join(empty)}, expected samples")
     if not outputs:
         raise ExperimentError(
             f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[model.base])}; "

@@ -166,7 +166,9 @@ def test_names_are_completed(robot: Path, words: str, expected: list[str]) -> No
 
 def test_record_json(robot: Path) -> None:
     """One document says what was measured: file, joint, rows, length and the rates of both devices."""
-    found = documents(call("record", "--config", robot, "--duration", "1.5", "-o", "r.csv", "--json"))
+    result = call("record", "--config", robot, "--duration", "1.5", "-o", "r.csv", "--json")
+    assert re.search(r"\d+ rows of joint elbow over 1\.\d+ s", result.stderr)
+    found = documents(result)
     rows = len(read_recording("r.csv").time)
     assert (found["path"], found["joint"], found["rows"]) == ("r.csv", "elbow", rows)
     assert found["duration"] == pytest.approx(1.5)

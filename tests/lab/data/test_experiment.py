@@ -49,7 +49,7 @@ def without(first: int, last: int, **columns: FloatArray) -> Recording:
 BAD = {
     "no command": ("play", recording(accel=ACCEL), "found accel, expected 'command'; it drives the base 'play'"),
     "no output": ("play", recording(command=COMMAND), "found command, expected at least one of accel, position, force"),
-    "empty output": ("joint", recording(torque=COMMAND, position=TIMES * np.nan), "found torque, expected"),
+    "empty output": ("joint", recording(torque=COMMAND, position=TIMES * np.nan), "found no number in position"),
     "only gaps": (
         "play",
         recording(np.repeat(np.arange(9.0), 40) + np.tile(np.arange(40), 9) / RATE_HZ,
