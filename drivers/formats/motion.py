@@ -56,9 +56,9 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
     do, the one that moves most (``perhaps``).  Before that the only one of which another one is the speed, with its
     ``unit``, and ``why``.  The first that counts the rows (``counting``); without times the one that may be these
     (``rising``) in its unit (``steps``).  An ``input`` that is switched is told, too."""
-    found: dict[str, str] = {"counting": table.counting[0]} if table.counting else {}
+    found: dict[str, str] = {}
     if not table.clock and not table.times:
-        found |= dict(zip(("rising", "steps"), table.rising or (), strict=False))
+        found = dict(zip(("rising", "steps"), table.rising or (), strict=False))
     changing, is_timed = _changing(table, choice)
     if is_timed and len(changing) == 1 and not (twins := _alike(table, changing[0])):
         (rate,) = changing
@@ -69,7 +69,7 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
         return {"perhaps": changing[0].of, "why": told} | (
             {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor:.3g}'):g}", "rate": changing[0].speed}
         )
-    found |= _switched(table)
+    found |= _of_no_motion(table)
     speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
     unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
     axes = {
@@ -106,14 +106,16 @@ def _changing(table: Table, choice: Choice) -> tuple[list[Rate], bool]:
     return rates(whole, next(times for times, _ in read.values() if times.size == most)), True
 
 
-def _switched(table: Table) -> dict[str, str]:
-    """Of series of which no name tells a column, the first with a few values, as an ``input`` that is switched has."""
+def _of_no_motion(table: Table) -> dict[str, str]:
+    """Of series of which no name tells a column the first that counts the rows (``counting``), and the first with a few
+    values, as an ``input`` that is switched has."""
     names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
-    if any(map(column_of, names)) or not 1 < len(names) <= MOST_LOOKED_AT:
+    if any(map(column_of, names)) or len(names) < 2 or len(table.series) > MOST_LOOKED_AT:
         return {}
-    loaded = {name: np.asarray(values, dtype=float) for name, values in table.load(names).items()}
+    loaded = {name: table.looked_at[name] for name in names}
     few = [name for name in names if _changes(loaded[name]) and loaded[name].size >= LEAST and _are_few(loaded[name])]
-    return {"input": few[0]} if 0 < len(few) < len(names) else {}
+    found = {"counting": table.counting[0]} if table.counting else {}
+    return found | ({"input": few[0]} if 0 < len(few) < len(names) else {})
 
 
 def _are_few(values: FloatArray) -> bool:

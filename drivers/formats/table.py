@@ -194,11 +194,15 @@ class Table:
         return [name for name, each in self._steps.items() if np.ptp(each) == 0 and each[0] == 1]
 
     @cached_property
+    def looked_at(self) -> Mapping[str, FloatArray]:
+        """The numbers of each series but for very many, which are read once."""
+        names = [one.name for one in self.series][:MOST_LOOKED_AT]
+        return {name: np.asarray(values, dtype=np.float64) for name, values in self.load(names).items()}
+
+    @cached_property
     def _steps(self) -> Mapping[str, FloatArray]:
         """From row to row, of each series but for very many."""
-        names = [one.name for one in self.series][:MOST_LOOKED_AT]
-        loaded = {name: np.asarray(values, dtype=np.float64) for name, values in self.load(names).items()}
-        return {name: np.diff(values) for name, values in loaded.items() if values.size > LEAST_ROWS}
+        return {name: np.diff(values) for name, values in self.looked_at.items() if values.size > LEAST_ROWS}
 
     def _check(self, times: FloatArray, clock: str) -> list[str]:
         known = times[~np.isnan(times)]

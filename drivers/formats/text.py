@@ -24,6 +24,7 @@ from lostmotion.drivers.formats.labels import unlabelled
 from lostmotion.drivers.formats.source import DATE, Series, check_count, shown
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.text_layout import (
+    LOOKED_AT,
     MOST_BROKEN,
     Layout,
     Lines,
@@ -55,7 +56,9 @@ def open_text(path: Path) -> Table:
 
 def open_lines(name: str, kind: str, lines: Lines) -> Table:
     """A table of lines of text, whatever file they come from.  Raises RecordingError."""
-    lines, turned = upright(unpacked(unlabelled(partial(_whole, lines))))
+    if any(_is_open(line) for line in islice(lines(), LOOKED_AT)):
+        lines = partial(_whole, lines)
+    lines, turned = upright(unpacked(unlabelled(lines)))
     layout, rows = layout_of(name, lines)
     text = "text with a series in each row" if turned else f"text separated by {called(layout.separator)}"
     text = "PlotJuggler CSV" if "__time" in layout.header else text
@@ -86,7 +89,7 @@ def _whole(lines: Lines) -> Iterator[str]:
     quote that is not closed in the next line is a sign, as of inches."""
     opened = ""
     for line in lines():
-        is_odd = line.count('"') % 2 == 1
+        is_odd = _is_open(line)
         if opened and is_odd:
             yield f"{opened.rstrip()} {line}"
             opened = ""
@@ -98,6 +101,11 @@ def _whole(lines: Lines) -> Iterator[str]:
             yield line
     if opened:
         yield opened
+
+
+def _is_open(line: str) -> bool:
+    """Whether a quote in a line is not closed."""
+    return line.count('"') % 2 == 1
 
 
 @dataclass(slots=True)

@@ -27,7 +27,18 @@ from lostmotion.drivers.formats.words import SPELT, column_of, is_time, speed_of
 from lostmotion.drivers.toml_text import TomlError, loads
 from lostmotion.drivers.units import to_si
 
-__all__ = ["MOST_BROKEN", "SEPARATORS", "Layout", "Lines", "called", "cells_of", "is_row", "layout_of", "lines_of"]
+__all__ = [
+    "LOOKED_AT",
+    "MOST_BROKEN",
+    "SEPARATORS",
+    "Layout",
+    "Lines",
+    "called",
+    "cells_of",
+    "is_row",
+    "layout_of",
+    "lines_of",
+]
 
 SEPARATORS = ";\t|, "
 """those first that are taken where several separate as many numbers: a comma may be a decimal one, a blank padding"""
