@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.angles import are_alike
 from lostmotion.drivers.formats.guess import Chosen, mapped
-from lostmotion.drivers.formats.rates import OFF, factor_of
+from lostmotion.drivers.formats.rates import factor_of
 from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import joint_of, speed_of
 from lostmotion.drivers.units import to_si
@@ -18,6 +19,10 @@ from lostmotion.drivers.units import to_si
 __all__ = ["by_speed", "goal_beside", "own_doubts", "speeds_of"]
 
 DEGREE = np.pi / 180
+NEAR = 0.04
+"""how far the factor between a speed and how fast its angle changes may be from that of degrees: that of the speed that a
+drive filters is 0.03 off, and that of a gear of 60:1, whose angle is that of the motor, 0.047"""
+ANGULAR = re.compile("angular", re.IGNORECASE)
 FOLLOWED, UNSURE = 0.9, 1.4
 """The least correlation of a goal with the angle that follows it, and how many times as far as the goal the angle may
 swing, or less far: a first-order lag at its corner frequency has 1.4.  Gears may have such a ratio; this only warns.
@@ -31,7 +36,7 @@ def speeds_of(chosen: Sequence[Chosen], series: Sequence[Series]) -> list[Series
     angles = [one for one in chosen if one.column == "position" and one.si == "rad" and speed_of(one.series) is None]
     joints = {joint_of(one.series) for one in angles}
     taken = {one.series for one in chosen}
-    found = [one for one in series if one.name not in taken and speed_of(one.name) is not None]
+    found = [one for one in series if one.name not in taken and _speed_of(one.name) is not None]
     return [one for one in found if joint_of(one.name) in joints]
 
 
@@ -42,7 +47,7 @@ def by_speed(
     speed shows that; and what a person should know.  speeds: by the name of the series, those of ``speeds_of``."""
     kept, turned = list(chosen), list(parts)
     at = next((k for k, one in enumerate(chosen) if one.column == "position"), None)
-    units = {one.name: one.unit or speed_of(one.name) or "" for one in series}
+    units = {one.name: one.unit or _speed_of(one.name) or "" for one in series}
     factors = {name: _times_as_fast(parts[at], part, units[name]) for name, part in speeds.items() if at is not None}
     name = next((name for name, factor in factors.items() if factor != 1), "")
     if at is None or not name:
@@ -81,13 +86,13 @@ def own_doubts(time: FloatArray, columns: Mapping[str, FloatArray], extra: Mappi
     if "command" in columns and (both := ~np.isnan(position + columns["command"])).any():
         names = {"command": "command", "position": "position"}
         found += _beside(names, _times_as_far(columns["command"][both], position[both]))
-    for name in (name for name in extra if speed_of(name) is not None):
+    for name in (name for name in extra if _speed_of(name) is not None):
         try:
             speed = np.array([float(cell) if cell.strip() else np.nan for cell in extra[name]])
         except ValueError:
             continue
         there = ~np.isnan(position + speed)
-        factor = _times_as_fast((time[there], position[there]), (time[there], speed[there]), speed_of(name) or "")
+        factor = _times_as_fast((time[there], position[there]), (time[there], speed[there]), _speed_of(name) or "")
         if factor > 1:
             said = f"it changes {factor:.3g} times as fast as {shown(name)} says, as degrees beside rad/s do"
             found.append(f"position: {said}; if so, use {mapped('position', 'position', ':deg')}")
@@ -105,6 +110,11 @@ def _beside(names: Mapping[str, str], ratio: float) -> list[str]:
     return []
 
 
+def _speed_of(name: str) -> str | None:
+    """As ``speed_of``, and of an angular velocity, which elsewhere is that of a gyroscope."""
+    return speed_of(ANGULAR.sub("", name))
+
+
 def _times_as_fast(angle: Part, speed: Part, unit: str) -> float:
     """How many times as fast an angle [rad] changes as its speed says, if that is about the number of degrees in a
     radian, or the inverse of it; else 1.  unit: of the speed, "" where it is unknown: rad/s, or deg/s beside rad."""
@@ -114,7 +124,7 @@ def _times_as_fast(angle: Part, speed: Part, unit: str) -> float:
         return 1.0
     found = factor_of(np.interp(times, seen, position), factor * values * np.gradient(times))
     ratios = (DEGREE, 1 / DEGREE) if unit else (DEGREE,)
-    return found if any(abs(found * ratio - 1) < OFF for ratio in ratios) else 1.0
+    return found if any(abs(found * ratio - 1) < NEAR for ratio in ratios) else 1.0
 
 
 def _times_as_far(goal: FloatArray, angle: FloatArray) -> float:

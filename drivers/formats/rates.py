@@ -14,7 +14,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.formats.table import LEAST_ROWS
 from lostmotion.drivers.formats.words import SPEED_LETTER, UNNAMED, column_of, is_input, speed_of
 
-__all__ = ["OFF", "Rate", "are_of_one_array", "factor_of", "rates"]
+__all__ = ["Rate", "are_of_one_array", "factor_of", "rates"]
 
 BLOCKS = 200
 """pieces of a recording, in each of which the way is compared with the sum of the speed: noise averages out"""

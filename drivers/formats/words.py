@@ -105,7 +105,8 @@ TRANSLATED = {
     "position": "auslenkung posicion posizione posicao posisjon pozycja elongation elongacion elongazione",
     "displacement": "weg verschiebung deplacement desplazamiento spostamento deslocamento forskyvning",
     "distance": "abstand entfernung distancia distanza distanz",
-    "velocity": "geschwindigkeit drehzahl vitesse velocidad velocita velocidade hastighet predkosc",
+    "velocity": "geschwindigkeit winkelgeschwindigkeit drehzahl vitesse velocidad velocita velocidade hastighet "
+    "predkosc",
     "acceleration": "beschleunigung aceleracion accelerazione aceleracao akselerasjon przyspieszenie",
     "force": "kraft fuerza forza forca kracht",
     "torque": "drehmoment couple coppia",

@@ -103,6 +103,11 @@ def test_an_angle_in_degrees_beside_a_speed_in_rad(tmp_path: Path) -> None:
     known = read(path, "position=angle:rad")
     assert known.recording.columns["position"] == pytest.approx(np.degrees(SWING), abs=0.1)
     assert any("angle and velocity are not in rad and rad/s" in note for note in known.notes)
+    for names in ("Winkel,Winkelgeschwindigkeit,Drehmoment", "angle,angular velocity,torque"):
+        found = read(saved(tmp_path / "x.csv", f"time,{names}", np.degrees(SWING), SPEED, PUSH))
+        assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-3)
+    geared = read(saved(tmp_path / "x.csv", "time,angle,velocity,torque", 60 * SWING, SPEED, PUSH))
+    assert geared.recording.columns["position"] == pytest.approx(60 * SWING, abs=1e-3)  # the angle is that of the motor
     path = saved(tmp_path / "x.csv", "time,angle,velocity,torque", SWING, SPEED, PUSH)
     assert not [note for note in read(path).notes if "deg" in note]
 
