@@ -20,8 +20,8 @@ __all__ = ["by_speed", "goal_beside", "own_doubts", "speeds_of"]
 
 DEGREE = np.pi / 180
 NEAR = 0.04
-"""how far the factor between a speed and how fast its angle changes may be from that of degrees: that of the speed that a
-drive filters is 0.03 off, and that of a gear of 60:1, whose angle is that of the motor, 0.047"""
+"""How far the factor between a speed and how fast its angle changes may be from that of degrees: speeds that drives
+filter are 0.03 off, and that of a gear of 60:1, where the angle is that of the motor, 0.047."""
 ANGULAR = re.compile("angular", re.IGNORECASE)
 FOLLOWED, UNSURE = 0.9, 1.4
 """The least correlation of a goal with the angle that follows it, and how many times as far as the goal the angle may
