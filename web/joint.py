@@ -84,7 +84,7 @@ def trend(request: Request) -> Response:
     with _open(site, name) as reader:
         columns, whose = reader.series(name, most=MOST), others(name, reader.origins())
     history = history_of(name, columns, site.config_file, None, None, RADIANS)
-    line = history.wear.slope
+    line = history.wear.recent
     shown = history_of(name, columns, site.config_file, None, None)
     return json(
         document(history)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,6 +78,16 @@ def test_the_trend_is_told_as_in_the_terminal(filled: tuple[Site, datetime], loo
     page = look(f"{site.address}/joints/elbow")
     expect(page.locator("#trend dt")).to_have_text([name for name, _ in expected])
     expect(page.locator("#trend dd")).to_have_text([told for _, told in expected])
+
+
+def test_the_line_of_the_plot_is_that_since_the_wear_changed(filled: tuple[Site, datetime]) -> None:
+    """It ends at the present value, from which the time until the limit follows."""
+    found: Any = documents(filled[0], "/api/joints/elbow/trend")
+    assert found["change_points"]
+    assert found["recent_slope"] != found["slope"]
+    line, last = found["line"], datetime.fromisoformat(found["last"]).timestamp()
+    now = line["intercept"] + line["slope"] * (last - line["start"])
+    assert now == pytest.approx(found["current"], rel=1e-6)
 
 
 @pytest.mark.slow

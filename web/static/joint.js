@@ -86,7 +86,7 @@ function marks(plot) {
   if (!trend || trend.of !== of) return;
   for (const change of trend.change_points) upright(plot, Date.parse(change) / 1000, "residual", [8, 4]);
   const at = (t) => quantity.scale * (trend.line.intercept + trend.line.slope * (t - trend.line.start));
-  const [from, to] = [Date.parse(trend.first) / 1000, Date.parse(trend.last) / 1000];
+  const [from, to] = [trend.change_points.at(-1) ?? trend.first, trend.last].map((time) => Date.parse(time) / 1000);
   stroke(plot, "modelled", [], (c) => {
     c.moveTo(plot.valToPos(from, "x", true), plot.valToPos(at(from), "y", true));
     c.lineTo(plot.valToPos(to, "x", true), plot.valToPos(at(to), "y", true));
