@@ -16,8 +16,10 @@ from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import joint_of, speed_of
 from lostmotion.drivers.units import to_si
 
-__all__ = ["by_speed", "goal_beside", "own_doubts", "speeds_of"]
+__all__ = ["BY_SPEED", "by_speed", "goal_beside", "own_doubts", "speeds_of"]
 
+BY_SPEED = "; its speed"
+"""the end of the reason for an angle that was read in degrees because of its speed"""
 DEGREE = np.pi / 180
 NEAR = 0.04
 """How far the factor between a speed and how fast its angle changes may be from that of degrees: speeds that drives
@@ -59,7 +61,7 @@ def by_speed(
         return kept, turned, [f"position: {said}: {shown(one.series)} and {shown(name)} are not in {given}"]
     for k, each in enumerate(chosen):
         if k == at or (each.column == "command" and _is_alike(each, parts[k], parts[at])):
-            kept[k] = replace(each, unit="deg", factor=DEGREE)
+            kept[k] = replace(each, unit="deg", factor=DEGREE, why=each.why + BY_SPEED)
             turned[k] = parts[k][0], DEGREE * parts[k][1]
     columns = ", ".join(each.column for each, was in zip(kept, chosen, strict=True) if each is not was)
     rad = mapped("position", one.series, ":rad")

@@ -14,7 +14,7 @@ from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
-from lostmotion.drivers.formats.consistency import by_speed, goal_beside, speeds_of
+from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.goal import goals
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
@@ -187,7 +187,8 @@ def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples)
         metadata["start"] = samples.start
     metadata["imported"] = {"format": kind, **{one.column: _plain(one.series) for one in chosen}}
     metadata["imported"] |= {f"{one.column}_given": True for one in chosen if one.why == "given"}
-    metadata["imported"] |= {f"{one.column}_assumed": one.unit for one in chosen if one.why.endswith(ASSUMED)}
+    assumed = [one for one in chosen if one.why.endswith((ASSUMED, BY_SPEED))]
+    metadata["imported"] |= {f"{one.column}_assumed": one.unit for one in assumed}
     return metadata | {f"{one.column}_unit": one.si for one in chosen if one.si != COLUMN_UNITS[one.column]}
 
 

@@ -98,6 +98,7 @@ def test_an_angle_in_degrees_beside_a_speed_in_rad(tmp_path: Path) -> None:
     path = saved(tmp_path / "x.csv", "time,angle,velocity,torque", np.degrees(SWING), SPEED, PUSH)
     found = read(path)
     assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-3)
+    assert found.recording.metadata["imported"]["position_assumed"] == "deg"  # as in other files of the question
     (note,) = [one for one in found.notes if "taken as deg" in one]
     assert "times as fast as velocity says; else use --map position=angle:rad" in note
     known = read(path, "position=angle:rad")
