@@ -16,6 +16,7 @@ from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import SMALLEST_P, Scale, quantities, scale
 from lostmotion.lab.report import verdict
 from lostmotion.lab.results import Explanation, Fit, Ladder
+from lostmotion.model.effects.registry import own
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["show"]
@@ -130,8 +131,10 @@ def _print_estimates(fit: Fit) -> None:
 
 
 def _print_ranking(explanation: Explanation) -> None:
-    tried = explanation.ranking[:MOST_RANKED]
-    if not tried:
+    """Prints the best of the effects that were tried, and the user's own in any case."""
+    ranking = explanation.ranking
+    asked = [one for one in ranking[MOST_RANKED:] if own([one.effect])]
+    if not (tried := [*ranking[:MOST_RANKED], *asked]):
         return
     shown = scale(explanation.error.unit, *(rms for entry in tried for rms in (entry.rms_before, entry.rms_after)))
     rows = []

@@ -10,6 +10,7 @@ import linecache
 import logging
 import os
 import traceback
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,7 +20,8 @@ from lostmotion.drivers.textfile import TextFileError, read_text
 from lostmotion.lab.errors import EffectFileError
 from lostmotion.lab.models.own.decorator import ORIGIN, Origin, OwnEffect
 from lostmotion.model import ModelError
-from lostmotion.model.effects.registry import find
+from lostmotion.model.effects import EffectInfo
+from lostmotion.model.effects.registry import catalogue, find, register, unregister
 
 __all__ = ["is_reference", "load_effect", "reference", "restored"]
 
@@ -55,16 +57,27 @@ def reference(effect: OwnEffect, folder: Path) -> str:
 
 
 def restored(origin: Origin, name: str) -> OwnEffect:
-    """The effect from the text of its file; a registered one is not run again.  Raises EffectFileError."""
+    """The effect from the text of its file; a registered one is not run again.  Others in the file are not registered,
+    so that a search tries those only that were asked for.  Raises EffectFileError."""
     known = find(name)
     if isinstance(known, OwnEffect) and known.origin == origin:
         return known
+    before = {effect.id: effect for effect in catalogue()}
     functions = _run(origin)
     if effect := _effect(functions, name):
+        _withdraw([other for other in functions if other != name and _effect(functions, other)], before)
         return effect
     if callable(functions.get(name)):
         raise EffectFileError(f"{origin.path.name}: {name} is a plain function, expected @effect(…) above it")
     raise EffectFileError(f"{origin.path.name}: there is no function {name}; expected one of {_effects(functions)}")
+
+
+def _withdraw(names: Sequence[str], before: Mapping[str, EffectInfo]) -> None:
+    """Undoes the registration of these; before: the effects that were registered earlier."""
+    for name in names:
+        unregister(name)
+        if isinstance(earlier := before.get(name), OwnEffect):
+            register(earlier)
 
 
 def _text(path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,12 @@ from click.testing import CliRunner
 
 from lostmotion.daemon.cli import cli
 from lostmotion.lab.commands.table import print_table
+from lostmotion.lab.commands.terminal import show
+from lostmotion.lab.models.own import load_effect
+from lostmotion.lab.results import Ranked
+from lostmotion.model.effects.registry import catalogue, registered
 from tests.conftest import ROOT
+from tests.lab import report_example
 
 MODEL = """base = "servo"
 effects = ["viscous_friction"]
@@ -51,6 +57,19 @@ def test_a_unit_in_brackets_is_no_markup(capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.slow
+def test_an_effect_of_ones_own_is_in_the_ranking(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """However many of the catalogue are better; of these the best are printed."""
+    explanation = report_example.explanation()
+    names = [effect.id for effect in catalogue()][:12]
+    tried = tuple(Ranked(name, 1.0, 1.0, 1.0) for name in [*names, "tight_spot"])
+    with registered([load_effect("tight_spot.py:tight_spot", folder)]):
+        show(replace(explanation, ranking=tried), None)
+    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.strip()]
+    assert "tight_spot" in rows
+    assert names[7] in rows
+    assert names[8] not in rows
+
+
 def test_the_legend_of_a_plot_is_below_it(folder: Path) -> None:
     """No box lies on the curves."""
     lines = call("lab", "compare", folder / "model.toml", folder / "rec.csv").stdout.splitlines()

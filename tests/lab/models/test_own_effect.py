@@ -345,3 +345,18 @@ def test_where_an_effect_has_no_value_is_told(tmp_path: Path, caplog: pytest.Log
     assert "root: returned nan, expected a finite number, at omega = -2.83, c = 0.01" in caplog.text
     assert "so it is wherever omega was -2.83 to -0.085" in caplog.text
     assert re.search(r"found no finite torque of root with theta = \S+, omega = -0\.\d+, expected one", told.stderr)
+
+
+def test_only_the_effect_that_was_asked_for_is_registered(tmp_path: Path) -> None:
+    """Others of its file are not tried by a search; two of one file that were both asked for are."""
+    one, other = (
+        f"@effect('joint', parameters=TAU)\ndef {name}(omega, tau):\n    return -tau * omega\n" for name in "ab"
+    )
+    (tmp_path / "two.py").write_text(HEAD + one.replace("def a", "def mine_a") + other.replace("def b", "def mine_b"))
+    first = load_effect("two.py:mine_a", tmp_path)
+    assert registry.find("mine_b") is None
+    second = load_effect("two.py:mine_b", tmp_path)
+    assert registry.find("mine_a") is first
+    assert registry.find("mine_b") is second
+    for name in ("mine_a", "mine_b"):
+        unregister(name)
