@@ -26,7 +26,6 @@ from lostmotion.lab.gears.trials import (
     Trial,
     delays,
     full_fits,
-    full_trials,
     halving,
     near_trials,
     observer_trials,
@@ -144,8 +143,9 @@ class ShortSegments:
         if now.is_far:
             few = scores.directions[: policy.FINISHED]
             near = near_trials(now.short, few, task, pool, FEW_STEPS)
+            begun = [(trial.effect, trial.level.model) for trial in near]
             least = math.sqrt(1 - policy.LEAST_GAIN) * now.short.typical
-            trials = self._longer([one for one in full_trials(near, few, task, pool) if one.level.typical < least])
+            trials = self._longer([one for one in full_fits(begun, task, pool) if one.level.typical < least])
         if not now.is_far or now.level.typical <= policy.UNLIKE_NOISE:
             if now.is_far and now.level is not now.short:
                 scores = self._scores(now.level, may)

@@ -34,7 +34,6 @@ __all__ = [
     "Trial",
     "delays",
     "full_fits",
-    "full_trials",
     "halving",
     "near_trials",
     "observer_trials",
@@ -61,15 +60,6 @@ def near_trials(
     """Fits with each of these effects on the segments of a level, from the amplitudes of the score test; best first."""
     levels = pool.map(partial(_with_direction, level=level, task=task, iterations=iterations), directions)
     return _ordered([Trial(d.effect, fit) for d, fit in zip(directions, levels, strict=True)])
-
-
-def full_trials(near: Sequence[Trial], directions: Sequence[Direction], task: Task, pool: Executor) -> list[Trial]:
-    """Fits on all of the shortest segments that begin at some of ``near_trials``, best first: at the one with the least
-    error, at that of the first direction, which has the largest statistic, and at those of the simpler laws of which
-    these two are generalisations."""
-    asked = {*(one.effect for one in directions[:1]), *(one.effect for one in near[:1])}
-    asked |= {part.effect for name in asked if (part := get_effect(name).simpler)}
-    return full_fits([(trial.effect, trial.level.model) for trial in near if trial.effect in asked], task, pool)
 
 
 def observer_trials(found: Sequence[Optimum], task: Task, pool: Executor) -> Iterator[list[Trial]]:

@@ -36,7 +36,7 @@ def described(fit: Regression) -> Finding:
         times = [one.experiment.time[~np.isnan(one.experiment.measured[one.column])] for one in data.signals]
         variables = [_states(one, names, time) for one, time in zip(data.signals, times, strict=True)]
         unit = words.column(data.column, *data.axis)[1]
-        text = f"an error of the motion of about {quantity(fit.error, unit, 2)} is left"
+        text = f"an error of the motion of about {quantity(fit.error, unit, 2)} is left in what was fitted"
     residuals = data.by_recording(fit.misfit)
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
     return finding("joint" if is_joint else "oscillator", text, unit, found)

@@ -62,7 +62,7 @@ def test_where_candidates_are_looked_for(
         met.append("observers")
         return []
 
-    for name in ("near_trials", "full_trials"):
+    for name in ("near_trials", "full_fits"):
         monkeypatch.setattr(f"{found}.{name}", lambda *rest: [])
     monkeypatch.setattr(f"{found}.score_test", score)
     monkeypatch.setattr(f"{found}.search_effects", observed)

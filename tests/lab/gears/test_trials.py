@@ -21,7 +21,6 @@ from lostmotion.lab.gears.trials import (
     Trial,
     _best_of_each,
     full_fits,
-    full_trials,
     halving,
     near_trials,
     observer_trials,
@@ -140,7 +139,7 @@ def test_observer_runs_are_asked_where_more_than_noise_is_left(
     with ThreadPoolExecutor(2) as pool:
         scores = score_test(base, others(model), task.substep_s, pool, np.random.default_rng(0))
         near = near_trials(base, scores.directions[: policy.FINISHED], task, pool, FEW_STEPS)
-        trials = full_trials(near, scores.directions, task, pool)
+        trials = full_fits([(trial.effect, trial.level.model) for trial in near], task, pool)
     assert base.typical > 2
     if asked:
         assert not trials or trials[0].level.typical > policy.FAR
