@@ -12,6 +12,7 @@ import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz
@@ -78,6 +79,7 @@ def fit_segments(
         progress("done", 1.0)
 
 
+@lru_cache(maxsize=8)  # whether the size of each effect is identified is asked of one level
 def refined_fit(level: Level, task: Task) -> Fit:
     """The result of a level after the last refinement."""
     refined = _refined_level(level, task)

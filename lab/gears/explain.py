@@ -67,6 +67,7 @@ def explained_gears(
     progress("refining", 0.9)
     with within((1 - policy.STAGE_SHARE) * left_s):
         found = _explanation(selection, task, pool)
+    refined_fit.cache_clear()
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s
     return replace(found, held=held, used_s=used_s, input_limit=known.limit(last, sensor))
