@@ -161,8 +161,7 @@ LOST, LOST_SHARE = 1.3, 0.4
 """Times the usual error, above which an unseen segment is lost, to chaos or because its initial state was not found;
 and the largest share of segments that are left out as lost, or whose initial states are searched for again.  The
 other segments are surely followed.  If all count, gears with Coulomb friction and nothing else show a false structure
-(test_unseen).  If only segments that are lost by a factor of three begin in the state of another model, two of 18
-validations (docs/decisions/0009) lead to another effect, one of them a wrong one."""
+(test_unseen)."""
 MISSED = 3.0
 """Times the usual error, above which a segment is missed: it has no weight in the parameters, its initial state is
 searched for again, and its error is clipped there, as the error of a motion that cannot be simulated is infinite;

@@ -122,15 +122,19 @@ class Unseen:
         return [self.with_better_states(own, *first) for own in first]
 
     def with_better_states(self, validation: Validation, *others: Validation) -> Validation:
-        """The validation in which segments that this model has lost and another one has not begin in the state of the
-        other one, as the motion of bar and joint is the same."""
+        """The validation in which segments that another model follows better begin anew from the state of the other one,
+        too, as the motion of bar and joint is the same.
+
+        Otherwise a candidate, which begins with the states of the present model, takes what these states cost: where
+        nothing was missing, three candidates took 3 to 6 % (a weight p = 0.02), and take at most 0.1 % so (seed 7700).
+        """
         model, segments, step = validation.model, list(validation.segments), self.task.substep_s
         best = [min(others, key=lambda other: float(other.errors[i]), default=validation) for i in range(len(segments))]
-        lost = [i for i, other in enumerate(best) if validation.errors[i] > policy.LOST * other.errors[i]]
-        if not lost:
+        worse = [i for i, other in enumerate(best) if validation.errors[i] > other.errors[i]]
+        if not worse:
             return validation
-        also = [_state_of(model, best[i].segments[i], best[i].model) for i in lost]
-        for i, anew in zip(lost, _polished(model, [segments[i] for i in lost], also, step), strict=True):
+        also = [_state_of(model, best[i].segments[i], best[i].model) for i in worse]
+        for i, anew in zip(worse, _polished(model, [segments[i] for i in worse], also, step), strict=True):
             segments[i] = anew
         return Validation(model, tuple(residuals(model, segments, step)), tuple(segments))
 
