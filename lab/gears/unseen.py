@@ -122,8 +122,8 @@ class Unseen:
         return [self.with_better_states(own, *first) for own in first]
 
     def with_better_states(self, validation: Validation, *others: Validation) -> Validation:
-        """The validation in which segments that another model follows better begin anew from the state of the other one,
-        too, as the motion of bar and joint is the same.
+        """The validation in which segments that another model follows better begin anew from their own state and from
+        that of the other one, as the motion of bar and joint is the same.
 
         Otherwise a candidate, which begins with the states of the present model, takes what these states cost: where
         nothing was missing, three candidates took 3 to 6 % (a weight p = 0.02), and take at most 0.1 % so (seed 7700).
