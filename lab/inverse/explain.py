@@ -170,10 +170,10 @@ def _explanation(
 
 
 def _has_powers(fit: Regression) -> bool:
-    """Whether the torques of the effects divide the squared error: not on a shaft that coasts, whose dry friction is
-    the constant that they leave out."""
+    """Whether the torques of the effects divide the squared error: not on a shaft that turns in one direction, whose
+    dry friction is the constant that they leave out."""
     shafts = (coasts(one.experiment.measured[one.column], one.experiment.is_linear) for one in fit.data.signals)
-    return can_invert(fit.model) and not (isinstance(fit.data, OutputError) and all(shafts))
+    return can_invert(fit.model) and not all(shafts)
 
 
 def _floors(noise: dict[str, float], fit: Regression, *unseen: Signals) -> dict[str, float]:

@@ -220,7 +220,8 @@ def _falls(error: Errors, count: int, what: str) -> str:
         return f"The error is {_against(error)} of noise."
     (before, after, noise), unit = quantities(error.unit, error.before, error.after, error.noise)
     them = "it" if count == 1 else "them"
-    return f"Adding {them} brings the error from {before} to {with_unit(after, unit)}; the {what} is {noise}."
+    turns = "brings the error" if error.after <= error.before else "raises the error of what was not fitted"
+    return f"Adding {them} {turns} from {before} to {with_unit(after, unit)}; the {what} is {noise}."
 
 
 def _limited(limit: InputLimit, error: Errors) -> str:

@@ -18,8 +18,8 @@ J, B, C = 2e-3, 0.01, 0.4
 TIMES = np.arange(0.0, 12.0, 5e-3)
 
 
-def shaft(seed: int, direction: float) -> Recording:
-    """Its speed wanders between 2 and 38 rad/s."""
+def shaft(seed: int, direction: float, ripple: float = 0.0) -> Recording:
+    """Its speed wanders between 2 and 38 rad/s; ripple: torque of two periods a turn [N m]."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, 2)
     frequency, size = np.array([0.5, 1.3]) * rng.uniform(0.9, 1.1, 2), np.array([12.0, 6.0])
@@ -28,17 +28,17 @@ def shaft(seed: int, direction: float) -> Recording:
     angle = direction * (20.0 * TIMES + (size / w * np.sin(turns)).sum(axis=1))
     speed = direction * (20.0 + (size * np.cos(turns)).sum(axis=1))
     acceleration = -direction * (size * w * np.sin(turns)).sum(axis=1)
-    torque = J * acceleration + B * speed + C * np.sign(speed)
+    torque = J * acceleration + B * speed + C * np.sign(speed) + ripple * np.sin(2 * angle)
     noise = rng.standard_normal((2, TIMES.size))
     columns = {"torque": torque + 5e-3 * noise[0], "position": angle + 1e-4 * noise[1]}
     return Recording(TIMES, columns, name=f"shaft{seed}.csv")
 
 
-def found(directions: tuple[float, ...]) -> Explanation:
+def found(directions: tuple[float, ...], ripple: float = 0.0) -> Explanation:
     """What is missing from a joint with viscous friction."""
     model = build_model("joint", ["viscous_friction"])
     with open_executor() as pool:
-        made = [shaft(seed, direction) for seed, direction in enumerate(directions)]
+        made = [shaft(seed, direction, ripple) for seed, direction in enumerate(directions)]
         return explain(model, experiments(model, made), pool)
 
 
@@ -50,6 +50,13 @@ def test_dry_friction_of_a_shaft_that_turns_one_way(caplog: pytest.LogCaptureFix
     (size,) = (one for one in explanation.best.estimates if one.name == "coulomb_friction.tau_c")
     assert size.low < C < size.high
     assert "turns in one direction" in caplog.text
+
+
+def test_what_dry_friction_takes_beside_a_ripple() -> None:
+    """It is first with most of the error, although its torque is constant."""
+    explanation = found((1.0, 1.0, 1.0), 0.1)
+    assert explanation.missing == ("coulomb_friction", "torque_ripple")
+    assert explanation.share["coulomb_friction"] > 0.5
 
 
 def test_dry_friction_of_a_shaft_that_turns_both_ways(caplog: pytest.LogCaptureFixture) -> None:

@@ -65,6 +65,15 @@ def test_verdict_outside_the_catalogue() -> None:
     )
 
 
+def test_verdict_of_effects_that_predict_worse() -> None:
+    """What only the fitted recordings show may raise the error of the last one, which is told as such."""
+    found = report_example.explanation()
+    raised = replace(found, error=replace(found.error, before=0.41, after=4.1))
+    assert verdict.of_explanation(raised)[1] == (
+        "Adding it raises the error of what was not fitted from 0.41 to 4.1 m/s²; the sensor's noise is 0.40."
+    )
+
+
 def test_verdict_of_a_ladder() -> None:
     """What explain says of it, once, and that nothing more is missing."""
     assert verdict.of_ladder(report_example.ladder()) == (
