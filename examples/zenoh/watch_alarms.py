@@ -25,6 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--connect", action="append", default=[], help="endpoint of a router or a robot")
     parser.add_argument("--zenoh", help="configuration file of Zenoh (JSON5)")
     given = parser.parse_args(arguments)
+    if not (given.connect or given.zenoh):
+        parser.error("found no address, expected --connect or --zenoh")
     config = zenoh.Config.from_file(given.zenoh) if given.zenoh else zenoh.Config()
     if given.connect:
         config.insert_json5("mode", '"client"')
@@ -42,7 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         opened = zenoh.open(config)
     except zenoh.ZError as error:
-        parser.exit(2, f"found nobody to listen to, expected a router or a robot: {str(error).partition(' at /')[0]}\n")
+        where, text = ", ".join(given.connect) or given.zenoh, str(error).partition(" at /")[0]
+        why = f"nobody answers at {where}" if text.startswith("Unable to connect") else text
+        parser.exit(2, f"{why}; expected a router or a robot, which is started first\n")
     with opened as session, suppress(KeyboardInterrupt):
         declare_advanced_subscriber(
             session,

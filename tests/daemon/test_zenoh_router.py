@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from examples.zenoh import watch_alarms
 
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
@@ -175,3 +176,14 @@ def test_a_session_that_does_not_open_has_its_cause(endpoint: str, caplog: pytes
     raw = [record.levelname for record in caplog.records if ".rs:" in record.message]
     assert raw
     assert {*raw} == {"DEBUG"}
+
+
+def test_who_watches_where_nobody_is_gets_one_line(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The example names the address, and not the places in Zenoh's source; without an address it does not wait."""
+    for arguments, told in (
+        (["--connect", endpoint], f"nobody answers at {endpoint}; expected a router or a robot"),
+        ([], "found no address, expected --connect or --zenoh"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            watch_alarms.main(arguments)
+        assert told in capsys.readouterr().err
