@@ -78,7 +78,10 @@ class LinkMonitor:
         return bool(self._session.info.links()), bool(self._session.info.transports())
 
     def _log_change(self, is_linked: bool) -> None:
-        self.problem = "" if is_linked else f"nobody answers at {unreached(self._endpoints, self._trusted)}"
+        if is_linked:
+            self.problem = ""
+        elif not self.problem:  # a look at the endpoints takes seconds, and connects to them
+            self.problem = f"nobody answers at {unreached(self._endpoints, self._trusted)}"
         if not self._condition.is_news("" if is_linked else "nobody", time.monotonic()):
             return
         if is_linked:
