@@ -98,7 +98,7 @@ def test_a_hum_is_no_second_mode(hidden: str) -> None:
     assert level.rms < 0.7 * base.rms
     with ThreadPoolExecutor(1) as pool:
         likelihood = ShortSegments(base, Unseen(held[-1], task, 0.25, pool))
-        fit = SegmentFit(level, level, Validation(level.model, ()))
+        fit = SegmentFit(level, level, Validation(level.model, (np.ones(1),)))
         assert likelihood.is_sized("second_mode", fit) is (hidden == "second_mode")
 
 
