@@ -12,6 +12,7 @@ from typing import NamedTuple
 __all__ = ["TIMEOUT_S", "Endpoint", "cause"]
 
 TIMEOUT_S = 1.0
+"""How long an endpoint may take to answer [s]: within a robot it does in milliseconds.  Whoever asks waits so long."""
 ENDPOINT = re.compile(r"(?P<protocol>tcp|tls|ws)/\[?(?P<host>[^\]/#?]+)\]?:(?P<port>\d+)(?:[#?].*)?")
 
 

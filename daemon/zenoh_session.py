@@ -6,7 +6,7 @@ import json
 import logging
 import re
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import zenoh
@@ -18,7 +18,6 @@ from lostmotion.drivers.textfile import TextFileError, read_text
 __all__ = [
     "JSON",
     "SCHEMA",
-    "authority",
     "brief",
     "configuration",
     "connect_endpoints",
@@ -158,20 +157,17 @@ def why_closed(options: ZenohOptions, error: zenoh.ZError) -> str:
         except OSError as unreadable:
             return f"{name} {tls[name]}: {unreadable.strerror}"
     if text.startswith("Unable to connect"):
-        return f"nobody answers at {unreached(connect_endpoints(config), authority(config))}"
+        return f"nobody answers at {unreached(config)}"
     if refused := LISTENER.search(text):
         return f"cannot listen at {refused[1]}: {refused[2].lower()}"
     return text
 
 
-def authority(config: zenoh.Config) -> str:
-    """The file of the certificates that a session trusts, "" for those of the system."""
-    return json.loads(config.get_json("transport/link/tls")).get(AUTHORITY) or ""
-
-
-def unreached(endpoints: Sequence[str], trusted: str) -> str:
-    """Endpoints that do not answer, each with the cause as far as it is known.  trusted: see ``authority``."""
+def unreached(config: zenoh.Config) -> str:
+    """The endpoints to which a session connects, which do not answer, each with the cause as far as it is known."""
+    trusted = json.loads(config.get_json("transport/link/tls")).get(AUTHORITY) or ""
     causes = {
-        one: cause(one, dict(FILE_IN_ENDPOINT.findall(one)).get(f"{AUTHORITY}_file", trusted)) for one in endpoints
+        one: cause(one, dict(FILE_IN_ENDPOINT.findall(one)).get(f"{AUTHORITY}_file", trusted))
+        for one in connect_endpoints(config)
     }
     return ", ".join(f"{one.partition('#')[0]}{f': {why}' * bool(why)}" for one, why in causes.items())

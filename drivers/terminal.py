@@ -3,14 +3,18 @@ and a sign of life while a command computes."""
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
-__all__ = ["column_widths", "has_colours", "printable", "records", "waiting"]
+__all__ = ["blank_plot", "column_widths", "plot_text", "printable", "records", "waiting"]
 
 NARROW = 120
 """Columns of a terminal below which a table that does not fit has narrower gaps."""
+WIDEST = 120
+"""Columns of a plot in a wide terminal."""
 LONGEST_WORD = 16
 """What is longer, such as a formula or a path, may be broken, but not in the first column, which names the row."""
 
@@ -30,7 +34,28 @@ def waiting(what: str) -> Iterator[None]:
         yield
 
 
-def has_colours() -> bool:
+def blank_plot(title: str, height: int) -> tuple[Any, int]:
+    """A plot by plotext (its ``figure``) of that many lines, coloured only where the terminal wants that, and its
+    width."""
+    import plotext
+
+    width = min(shutil.get_terminal_size((100, height)).columns, WIDEST)
+    figure = plotext.figure
+    figure.clear()
+    figure.plot_size(width, height)
+    figure.theme("simple" if _has_colours() else "colorless")
+    figure.canvas("default")
+    figure.title(title)
+    return figure, width
+
+
+def plot_text(figure: Any, width: int, legend: str) -> str:
+    """A plot as text, with its legend in a line below, where it covers nothing."""
+    text = str(figure.build().string(colorless=not _has_colours())).strip("\n")
+    return f"{text}\n{legend:^{width}}".rstrip()
+
+
+def _has_colours() -> bool:
     """Whether standard output is a terminal with colours, and NO_COLOR does not refuse them."""
     from rich.console import Console
 

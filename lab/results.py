@@ -34,19 +34,20 @@ class Displayed:
 
     def __repr__(self) -> str:
         """The verdict in sentences, without the arrays."""
-        return f"<{type(self).__name__}: {' '.join(_notebook().sentences(self))}>"
+        sentences = " ".join(_report("verdict").of(self))
+        return f"<{type(self).__name__}: {sentences}>"
 
     def _repr_html_(self) -> str:
         """The verdict in sentences, and a table."""
-        return str(_notebook().html(self))
+        return str(_report("notebook").html(self))
 
     def plot(self) -> Any:
         """Measured and modelled over time, and the residual, as a ``matplotlib.figure.Figure``."""
-        return _notebook().plot(self)
+        return _report("notebook").plot(self)
 
 
-def _notebook() -> Any:
-    return import_module("lostmotion.lab.report.notebook")
+def _report(module: str) -> Any:
+    return import_module(f"lostmotion.lab.report.{module}")
 
 
 @dataclass(frozen=True)

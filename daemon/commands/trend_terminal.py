@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 
 from lostmotion.daemon.commands.trend import DAY, History
-from lostmotion.drivers.terminal import has_colours
+from lostmotion.drivers.terminal import blank_plot, plot_text
 
 __all__ = ["plot"]
 
@@ -17,17 +15,8 @@ TICKS = 5
 
 def plot(history: History) -> str:
     """The plot as text, coloured only for a terminal that wants colours."""
-    import plotext
-
-    width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
-    plain = not has_colours()
     wear = history.wear
-    figure = plotext.figure
-    figure.clear()
-    figure.plot_size(width, HEIGHT)
-    figure.theme("colorless" if plain else "simple")
-    figure.canvas("default")
-    figure.title(f"{history.joint}: {history.what.split()[0]} over UTC")
+    figure, width = blank_plot(f"{history.joint}: {history.what.split()[0]} over UTC", HEIGHT)
     time, score = history.medians(width - 12)
     lowest, highest = min(score.min(), 0.0), 1.05 * max(score.max(), wear.limit)
     figure.ruler("y").lim(lowest, highest)
@@ -41,5 +30,4 @@ def plot(history: History) -> str:
     form = "%Y-%m-%d" if history.span > TICKS * DAY else "%H:%M:%S"
     figure.ruler("x").ticks(ticks, [f"{history.utc(t):{form}}" for t in ticks])
     changed = "   ┊ change" if wear.change_points else ""
-    legend = f"• median   ⢕ Theil-Sen   ─ level {wear.limit:.4g}{changed}"
-    return f"{str(figure.build().string(colorless=plain)).strip(chr(10))}\n{legend:^{width}}".rstrip()
+    return plot_text(figure, width, f"• median   ⢕ Theil-Sen   ─ level {wear.limit:.4g}{changed}")

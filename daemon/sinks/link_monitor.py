@@ -15,7 +15,7 @@ import zenoh
 
 from lostmotion.daemon.no_memory import retry_without_memory
 from lostmotion.daemon.repeats import Condition
-from lostmotion.daemon.zenoh_session import unreached
+from lostmotion.daemon.zenoh_session import connect_endpoints, unreached
 
 __all__ = ["LOOK_S", "LinkMonitor"]
 
@@ -31,17 +31,15 @@ killed or stopped while there was memory each was seen so for 20 ms at most."""
 class LinkMonitor:
     """Looks every two seconds, in a thread of its own, as long as there are endpoints.
 
-    problem: why nothing arrives, "" while there is a link.  trusted: the file of the certificates that are trusted, ""
-    for those of the system.
+    problem: why nothing arrives, "" while there is a link.  config: that of the session.
 
     broken: is called, once, for a session that has to be closed and opened again, with the time [s, monotonic] at which
     a link was last seen.
     """
 
-    def __init__(
-        self, session: zenoh.Session, endpoints: list[str], trusted: str, broken: Callable[[float], None]
-    ) -> None:
-        self._session, self._endpoints, self._trusted, self._broken = session, endpoints, trusted, broken
+    def __init__(self, session: zenoh.Session, config: zenoh.Config, broken: Callable[[float], None]) -> None:
+        self._session, self._config, self._broken = session, config, broken
+        endpoints = connect_endpoints(config)
         self._where = ", ".join(endpoints)
         self._condition = Condition(reported="")
         self.problem = f"nobody has answered at {self._where} yet" if endpoints else ""
@@ -81,7 +79,7 @@ class LinkMonitor:
         if is_linked:
             self.problem = ""
         elif not self.problem:  # a look at the endpoints takes seconds, and connects to them
-            self.problem = f"nobody answers at {unreached(self._endpoints, self._trusted)}"
+            self.problem = f"nobody answers at {unreached(self._config)}"
         if not self._condition.is_news("" if is_linked else "nobody", time.monotonic()):
             return
         if is_linked:

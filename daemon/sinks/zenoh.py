@@ -29,7 +29,7 @@ from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
 from lostmotion.daemon.sinks.link_monitor import LOOK_S, LinkMonitor
 from lostmotion.daemon.sinks.queries import Queries, Queryable
-from lostmotion.daemon.zenoh_session import JSON, authority, brief, configuration, connect_endpoints, why_closed
+from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
 
 if TYPE_CHECKING:
     from lostmotion.daemon.sinks.ros2 import Ros2Publisher
@@ -179,7 +179,7 @@ class ZenohSink:
                 config = configuration(self._options)
                 session = zenoh.open(config)
                 queryable = self._declare(session)
-                self._use(session, connect_endpoints(config), authority(config))
+                self._use(session, config)
             except Exception as error:
                 if not isinstance(error, zenoh.ZError) and not is_no_memory(error):
                     raise
@@ -211,12 +211,12 @@ class ZenohSink:
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
 
-    def _use(self, session: zenoh.Session, endpoints: list[str], trusted: str) -> None:
+    def _use(self, session: zenoh.Session, config: zenoh.Config) -> None:
         with self._lock:
             if self._closing.is_set():
                 session.close()  # type: ignore[no-untyped-call]
                 return
-            self._link_monitor = LinkMonitor(session, endpoints, trusted, self._leave)
+            self._link_monitor = LinkMonitor(session, config, self._leave)
             self._session, self._problem = session, ""
             self._publish_waiting()
         log.info("zenoh: session open as %s", session.zid())

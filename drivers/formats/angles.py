@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.swinging import SWINGS, crossings
 from lostmotion.drivers.formats.words import is_angle
 from lostmotion.drivers.units import MANY_TURNS, to_si
 
-__all__ = ["ASSUMED", "are_alike", "check_servo", "doubts", "in_degrees"]
+__all__ = ["ASSUMED", "DEGREE", "are_alike", "check_servo", "doubts", "in_degrees", "in_rad"]
 
 ASSUMED = "; a swing"
 """the end of the reason for an angle that was read in degrees because nothing swings so far in rad"""
@@ -52,11 +52,16 @@ def in_degrees(
         angles = {one.column for one in far}
         notes.append(f"{', '.join(sorted(angles))}: no unit is given; taken as deg, {why}; else use {rad}")
     kept, turned = list(chosen), list(parts)
-    for at, (one, (times, values)) in enumerate(zip(chosen, parts, strict=True)):
+    for at, (one, part) in enumerate(zip(chosen, parts, strict=True)):
         if one.column in angles:
-            kept[at] = replace(one, unit="deg", factor=DEGREE, why=one.why + reason)
-            turned[at] = times, DEGREE * values
+            kept[at], turned[at] = in_rad(one, part, reason)
     return kept, turned, notes
+
+
+def in_rad(one: Chosen, part: Part, reason: str) -> tuple[Chosen, Part]:
+    """An angle that was found to be in degrees, with its values in rad; reason: what is added to why it was chosen."""
+    times, values = part
+    return replace(one, unit="deg", factor=DEGREE, why=one.why + reason), (times, DEGREE * values)
 
 
 def doubts(chosen: Sequence[Chosen], parts: Sequence[Part]) -> list[str]:
@@ -72,7 +77,7 @@ def are_alike(goal: FloatArray, angle: FloatArray) -> bool:
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
-    if one.column != "position" or one.unit or one.why == "given" or one.factor != 1 or not values.size:
+    if one.column != "position" or not one.is_without_unit or not values.size:
         return False
     most = COUNTS if _are_whole(values) and not is_angle(one.series) else TURN
     return bool(crossings(values) >= SWINGS and np.pi < np.ptp(values) / 2 <= most)
@@ -99,9 +104,7 @@ def check_servo(chosen: Sequence[Chosen], parts: Sequence[Part], name: str) -> N
 def _beyond_a_servo(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> list[tuple[Chosen, FloatArray]]:
     """Goal and angle with their numbers, if they have no unit and are beyond the turns of a servo in rad; else none."""
     angles = [(one, numbers) for one, numbers in zip(columns, values, strict=True) if one.column in ANGLES]
-    if {one.column for one, _ in angles} != {*ANGLES} or any(
-        one.unit or one.why == "given" or one.factor != 1 for one, _ in angles
-    ):
+    if {one.column for one, _ in angles} != {*ANGLES} or not all(one.is_without_unit for one, _ in angles):
         return []
     return angles if max(float(np.abs(numbers).max()) for _, numbers in angles) >= MANY_TURNS else []
 

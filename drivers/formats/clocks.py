@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
+from lostmotion.drivers.formats.guess import listed
+from lostmotion.drivers.formats.source import Series
 
 __all__ = ["CLOCK", "on_one_clock"]
 
 CLOCK = "time"
 """the last part of the name of a signal's times, and the name of those of all"""
-
-SHOWN = 12
-"""names in a message"""
 
 Vectors = Mapping[str, NDArray[Any]]
 
@@ -40,9 +39,8 @@ def on_one_clock(vectors: Vectors) -> tuple[Vectors, Sequence[str]]:
             is_same = own.size == time.size and bool(np.abs(own - time).max() < np.median(np.diff(time)) / 2)
             found[plain] = values if is_same else _held(values, own, time)
             held += [] if is_same else [plain]
-    more = f" and {len(held) - SHOWN} more" if len(held) > SHOWN else ""
-    said = f"{', '.join(held[:SHOWN])}{more}: sampled at other times; each value is held until the next one"
-    return found, [said] if held else []
+    names = listed([Series(name) for name in held])
+    return found, [f"{names}: sampled at other times; each value is held until the next one"] if held else []
 
 
 def _is_clock(name: str, values: NDArray[Any]) -> bool:

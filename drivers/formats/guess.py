@@ -86,6 +86,11 @@ class Chosen:
     offset: float
     why: str
 
+    @property
+    def is_without_unit(self) -> bool:
+        """Whether neither the file nor the options say what its numbers are in."""
+        return not self.unit and self.why != "given" and self.factor == 1
+
 
 @dataclass(frozen=True, slots=True)
 class Guess:

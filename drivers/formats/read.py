@@ -26,7 +26,7 @@ from lostmotion.drivers.formats.motion import (
 )
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
-from lostmotion.drivers.formats.source import Choice, Part, Samples, Source, shown
+from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
 from lostmotion.drivers.formats.swinging import SWINGS, crossings
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_gyroscope
@@ -70,12 +70,9 @@ def imported(path: Path, choice: Choice) -> Imported:
     notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
     check_servo(kept, parts, str(path))
     kept = _of_axis(kept)
-    if isinstance(source, Table) and (speeds := speeds_of(kept, source.series)):
-        read = source.read([one.name for one in speeds], choice).values
-        kept, parts, told = by_speed(kept, parts, read, speeds)
-        notes += told
+    kept, parts, of_speed = by_speed(kept, parts, samples.values, _speeds(guess, source))
     kept, parts, told = in_degrees(kept, parts, source.series)
-    notes += [*told, *goal_beside(kept, parts), *doubts(kept, parts), *unused(kept, parts, source.series)]
+    notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)
     if left := unnamed(kept, source.series, clock):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
@@ -97,7 +94,13 @@ def _guessed(source: Source, choice: Choice, path: Path) -> tuple[Guess, Samples
         clock, spans = source.clock, source.spans
         moving = liveliest(source, choice) | without_inertia(source, choice)
     guess = guessed(source.series, choice, str(path), clock, moving, spans)
-    return guess, source.read([one.series for one in guess.columns], choice), clock
+    names = [one.series for one in guess.columns] + [one.name for one in _speeds(guess, source)]
+    return guess, source.read(names, choice), clock
+
+
+def _speeds(guess: Guess, source: Source) -> Sequence[Series]:
+    """The speeds of the angle in a table, which show its unit."""
+    return speeds_of(guess.columns, source.series) if isinstance(source, Table) else ()
 
 
 def _constant(guess: Guess, samples: Samples) -> list[str]:

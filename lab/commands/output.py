@@ -49,14 +49,13 @@ def write_output(
 
 def _in_words(found: Found) -> dict[str, Any]:
     """The keys with sentences; for a search also the names of effects, and what to inspect on the robot."""
+    told: dict[str, Any] = {"words": verdict.of(found)}
     if isinstance(found, Comparison):
         left = (one.variable for column in found.columns.values() for one in column.maps)
-        return {"words": verdict.of_comparison(found), "variables": _variables(left)}
+        return told | {"variables": _variables(left)}
     if isinstance(found, Fit):
-        return {**_errors(found), "words": verdict.of_fit(found)}
-    if isinstance(found, Ladder):
-        return {"words": verdict.of_ladder(found), **_effects(found.last)}
-    return {"words": verdict.of_explanation(found), **_effects(found)}
+        return _errors(found) | told
+    return told | _effects(found.last if isinstance(found, Ladder) else found)
 
 
 def _errors(fit: Fit) -> dict[str, Any]:

@@ -4,13 +4,12 @@ signal."""
 from __future__ import annotations
 
 import math
-import shutil
 from pathlib import Path, PurePath
 
 import click
 import numpy as np
 
-from lostmotion.drivers.terminal import has_colours
+from lostmotion.drivers.terminal import blank_plot, plot_text
 from lostmotion.lab.commands.table import print_table
 from lostmotion.lab.comparison.compare import Comparison, Overlay
 from lostmotion.lab.quantity import SMALLEST_P, Scale, quantities, scale
@@ -25,7 +24,6 @@ HEIGHT = 16
 SHOWN_S = 0.5
 """Length of the segment that the plot shows: a few impacts with their ringing."""
 LEGEND = "• measured   ⢕ modelled"
-"""below the plot, where it covers nothing"""
 MOST_RANKED = 8
 
 
@@ -65,23 +63,15 @@ def _print_recordings(comparison: Comparison) -> None:
 
 def _plot(overlay: Overlay) -> str:
     """A plot of a window with a typical error, coloured only in a terminal that supports colours."""
-    import plotext
-
-    width = min(shutil.get_terminal_size((100, HEIGHT)).columns, 120)
-    plain = not has_colours()
-    figure = plotext.figure
-    figure.clear()
-    figure.plot_size(width, HEIGHT)
-    figure.theme("colorless" if plain else "simple")
-    figure.canvas("default")
     inside = _segment(overlay)
     time = overlay.time[inside].tolist()
     shown = scale(overlay.unit, float(np.max(np.abs(overlay.measured[inside]))))
-    figure.title(f"{overlay.what} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}")
+    title = f"{overlay.what} [{shown.unit}] over time [s], {PurePath(overlay.recording).name}"
+    figure, width = blank_plot(title, HEIGHT)
     modelled, measured = (values[inside] * shown.factor for values in (overlay.modelled, overlay.measured))
     figure.draw(figure.signal(time, modelled.tolist(), marker="braille").lines())
     figure.draw(figure.signal(time, measured.tolist(), marker="•"))
-    return f"{str(figure.build().string(colorless=plain)).strip(chr(10))}\n{LEGEND:^{width}}".rstrip()
+    return plot_text(figure, width, LEGEND)
 
 
 def _segment(overlay: Overlay) -> FloatArray:

@@ -14,7 +14,7 @@ from lostmotion.lab.results import Displayed, Explanation, Fit, Ladder, Rung
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["html", "plot", "sentences"]
+__all__ = ["html", "plot"]
 
 WIDTH, HEIGHT = 8.0, 3.6
 """Size of the two plots of one column of one recording [inch]."""
@@ -24,7 +24,7 @@ BESIDE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols
 
 def html(found: Displayed) -> str:
     """The verdict in sentences and a table, as HTML without style sheets, as a notebook has its own."""
-    told = paragraphs(sentences(found))
+    told = paragraphs(verdict.of(found))
     if isinstance(found, Ladder):
         return told + _rungs(found.rungs)
     if isinstance(found, Explanation):
@@ -34,18 +34,6 @@ def html(found: Displayed) -> str:
         return told + (parameters.body if parameters else "")
     assert isinstance(found, Comparison)
     return told + misfit.errors(found).body
-
-
-def sentences(found: Displayed) -> tuple[str, ...]:
-    """The verdict."""
-    if isinstance(found, Ladder):
-        return verdict.of_ladder(found)
-    if isinstance(found, Explanation):
-        return verdict.of_explanation(found)
-    if isinstance(found, Fit):
-        return verdict.of_fit(found)
-    assert isinstance(found, Comparison)
-    return verdict.of_comparison(found)
 
 
 def plot(found: Displayed) -> Figure:

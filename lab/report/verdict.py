@@ -12,12 +12,13 @@ from lostmotion.lab import words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
-from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
+from lostmotion.lab.results import Displayed, Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
 from lostmotion.model.effects import get_effect
 
 __all__ = [
     "detectable",
     "joined",
+    "of",
     "of_comparison",
     "of_explanation",
     "of_finding",
@@ -31,6 +32,18 @@ UNSEEN_RATIO = 3.0
 measured machines 36 have at most 2.3.  Of the five from 3.0 on one lacks an effect, one has an effect that raises the
 error there, one was cut off by the time, and two name what is expected."""
 PLACES = {"joint": "the joint", "oscillator": "the bar", "sensor": "the sensor"}
+
+
+def of(found: Displayed) -> tuple[str, ...]:
+    """Sentences on a result of any kind."""
+    if isinstance(found, Ladder):
+        return of_ladder(found)
+    if isinstance(found, Explanation):
+        return of_explanation(found)
+    if isinstance(found, Fit):
+        return of_fit(found)
+    assert isinstance(found, Comparison)
+    return of_comparison(found)
 
 
 def of_explanation(explanation: Explanation) -> tuple[str, ...]:

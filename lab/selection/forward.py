@@ -71,7 +71,7 @@ def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequen
     for batch in likelihood.proposals(now, added, only):
         found += batch.fits
         ranked = replace(
-            _ranked(found, batch.rejected, now, likelihood),
+            _ranked(found, batch.rejected, now, likelihood) if batch.fits else ranked,
             untried=batch.untried, rejected=batch.rejected, detectable=batch.detectable, begin=batch.begin,
         )  # fmt: skip
         if ranked.is_accepted:
@@ -173,8 +173,8 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     if step_alone.begin and not found:
         effect, fit = step_alone.begin
         known = alone.get(effect, Candidate(effect, fit, gain=0.0, p_value=1.0, blocks=1))
-        found = [_pair_from(replace(known, fit=fit), (), step_alone, now, added, likelihood)]
-    return min(found, key=lambda two: two[1].judged[0].fit.rms if two else math.inf, default=[])
+        return _pair_from(replace(known, fit=fit), (), step_alone, now, added, likelihood)
+    return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
 
 
 def _pair_from(

@@ -43,8 +43,10 @@ FINE_STEP = 3e-8
 parameters then looked distinct, and intervals were up to ten times too narrow.  Steps of 1e-7 to 1e-8 give the same to
 some percent: fixed integration steps leave hardly any rounding."""
 LAG_SHARE, OWN_SHARE = 0.003, 0.1
-"""Scale of the state of a lag of the command, which is known, and of other states of effects, as shares of the scale
-of the joint's state of the same kind."""
+"""Scale of a single state of an effect that follows from the motion (a lag of the command, a hysteresis), and of other
+states of effects, as shares of the scale of the joint's state of the same kind.  A lag of the sensor follows readings,
+which are not known before the first: with 0.003 the error of the right model was 1.5 % too large, and depended on the
+units."""
 
 
 @dataclass(frozen=True, eq=False)

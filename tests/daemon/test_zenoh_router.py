@@ -191,9 +191,9 @@ def test_who_watches_where_nobody_is_gets_one_line(endpoint: str, capsys: pytest
 
 def test_endpoints_are_looked_at_once_each_time_that_the_link_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """A look connects to them, which a monitor that looks every two seconds must not do all day."""
-    asked: list[list[str]] = []
-    monkeypatch.setattr(link_monitor, "unreached", lambda endpoints, trusted: asked.append(endpoints) or "x: refused")
-    monitor = link_monitor.LinkMonitor(None, [], "", lambda since: None)  # type: ignore[arg-type]
+    asked: list[zenoh.Config] = []
+    monkeypatch.setattr(link_monitor, "unreached", lambda config: asked.append(config) or "x: refused")
+    monitor = link_monitor.LinkMonitor(None, zenoh.Config(), lambda since: None)  # type: ignore[arg-type]
     for is_linked, looks in ((True, 0), (False, 1), (False, 1), (True, 1), (False, 2)):
         monitor._log_change(is_linked)
         assert len(asked) == looks
