@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -119,9 +120,9 @@ def deal(files: Sequence[Sequence[pytest.Item]], count: int) -> list[list[pytest
     return [[item for file in files[k::count] for item in file] for k in range(count)]
 
 
-@pytest.fixture(autouse=True)
+@contextmanager
 def only_the_catalogue() -> Iterator[None]:
-    """An effect of one's own that a test has registered is gone after it."""
+    """An effect of one's own that is registered within the block is gone after it."""
     before = _registered()
     yield
     if more := _registered() - before:
@@ -129,6 +130,19 @@ def only_the_catalogue() -> Iterator[None]:
 
         for name in more:
             unregister(name)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_effect_of_a_module_is_left() -> Iterator[None]:
+    """Not one of its fixtures' either, which are set up before the first test that asks for them."""
+    with only_the_catalogue():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _no_effect_of_a_test_is_left() -> Iterator[None]:
+    with only_the_catalogue():
+        yield
 
 
 def _registered() -> set[str]:
