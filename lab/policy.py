@@ -5,6 +5,7 @@ are used: they change the accuracy of a computation, not the result.  "Error" is
 ``play``) are searched on short segments, all other motions as a whole (``lab.inverse``).
 """
 
+import math
 from statistics import NormalDist
 
 # Levels, and the identification of a parameter
@@ -175,3 +176,8 @@ BEHIND = 1.8
 """Times the error of the best on segments of one length, above which another effect, or the model without one, is
 not fitted on longer ones, and the effect is needed.  The errors of true effects were at most 1.2 times that of the
 best one (docs/decisions/0009)."""
+
+
+def is_less(error: float, other: float) -> bool:
+    """Whether a root mean square error is less than another one by more than ``LEAST_GAIN`` of the other's square."""
+    return error < math.sqrt(1 - LEAST_GAIN) * other

@@ -275,9 +275,11 @@ class Explanation(Displayed):
     def unidentified(self) -> tuple[Ranked, ...]:
         """Effects that significantly leave less than what is missing, by as much as is worth a name, and are not named
         as they are not identified."""
-        most = (1 - policy.LEAST_GAIN) * self.error.after**2
         may = (one for one in self.ranking if not one.is_identified and one.effect not in self.missing)
-        return tuple(one for one in may if one.p_value < policy.FALSE_NAME and one.rms_after**2 < most)
+        return tuple(
+            one for one in may
+            if one.p_value < policy.FALSE_NAME and policy.is_less(one.rms_after, self.error.after)
+        )  # fmt: skip
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab explain --json``."""

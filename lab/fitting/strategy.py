@@ -222,7 +222,7 @@ def settled(level: Level, task: Task) -> Level:
     finite actuator two had the error of the noise before, and six have it now.
     """
     before = math.inf
-    while level.typical <= math.sqrt(1 - policy.LEAST_GAIN) * before and not is_over():
+    while policy.is_less(level.typical, before) and not is_over():
         before = level.typical
         again = repaired_fit(level.model, level.unknowns, level.segments, task)
         level = min(level, again, key=lambda one: one.typical)

@@ -145,8 +145,8 @@ class ShortSegments:
             few = scores.directions[: policy.FINISHED]
             near = near_trials(now.short, few, task, pool, FEW_STEPS)
             begun = [(trial.effect, trial.level.model) for trial in near]
-            least = math.sqrt(1 - policy.LEAST_GAIN) * now.short.typical
-            trials = self._longer([one for one in full_fits(begun, task, pool) if one.level.typical < least])
+            full = full_fits(begun, task, pool)
+            trials = self._longer([one for one in full if policy.is_less(one.level.typical, now.short.typical)])
         if not now.is_far or now.level.typical <= policy.UNLIKE_NOISE:
             if now.is_far and now.level is not now.short:
                 scores = self._scores(now.level, may)
@@ -161,7 +161,7 @@ class ShortSegments:
         minima, last = dict[str, Optimum](), Proposals[SegmentFit]([])
         for seed in range(SEEDS if now.is_far else 1):
             found = search_effects(now.short, may, self.task, self.pool, seed)
-            lower = [o for o in found if o.effect not in minima or _is_lower(o.cost, minima[o.effect].cost)]
+            lower = [one for one in found if one.effect not in minima or _is_lower(one, minima[one.effect])]
             minima |= {one.effect: one for one in reversed(lower)}
             for trials in observer_trials(lower, self.task, self.pool):
                 yield (last := self._validated(self._longer(trials), now, scores))
@@ -310,6 +310,6 @@ def _exchanged(model: Model, other: Model) -> tuple[str, str] | None:
     return (own[0], new[0]) if len(own) == len(new) == 1 else None
 
 
-def _is_lower(cost: float, other: float) -> bool:
-    """Whether a cost of observers is less than another one by more than ``policy.LEAST_GAIN``."""
-    return cost < (1 - policy.LEAST_GAIN) * other
+def _is_lower(one: Optimum, other: Optimum) -> bool:
+    """Whether the cost of a minimum, a mean of squares as long as they are small, is less by ``policy.is_less``."""
+    return policy.is_less(math.sqrt(one.cost), math.sqrt(other.cost))

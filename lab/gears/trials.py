@@ -8,7 +8,6 @@ functions.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -164,7 +163,7 @@ def _restarted(trial: Trial, task: Task, pool: Executor) -> list[Trial]:
             tried |= near
             found += full_fits([(trial.effect, best.replace({name: count})) for count in sorted(near)], task, pool)
     leading = _ordered(found)[0].level
-    found = [one for one in found if math.sqrt(1 - policy.LEAST_GAIN) * one.level.typical <= leading.typical]
+    found = [one for one in found if not policy.is_less(leading.typical, one.level.typical)]
     again = [(trial.effect, leading.model.replace(values)) for values in restarts(leading.model, trial.effect)]
     return [*found, *full_fits(again, task, pool)]
 

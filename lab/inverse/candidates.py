@@ -6,7 +6,6 @@ that, to first order, explain most of the residual of the present fit.  No selec
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -141,7 +140,7 @@ def fitted_with(
     name, model = wide
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(model, now.data.signals), now)
-        if found and get_effect(name).distance and found.rms < math.sqrt(1 - policy.LEAST_GAIN) * now.rms:
+        if found and get_effect(name).distance and policy.is_less(found.rms, now.rms):
             found = tried(found.model, [found.data], found.nuisance, 2 * SHORT)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [

@@ -166,8 +166,7 @@ class WholeMotion:
         """The fits of a few steps, best first; those that take enough of the error for a name already are continued to
         the end."""
         fits = sorted(fits, key=lambda one: one[1].rms)
-        least = math.sqrt(1 - policy.LEAST_GAIN) * now.rms
-        many = min(sum(fit.rms < least for _, fit in fits), policy.FINISHED)
+        many = min(sum(policy.is_less(fit.rms, now.rms) for _, fit in fits), policy.FINISHED)
         finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), fits[:many])]
         return [*finished, *fits[len(finished) :]]
 

@@ -177,8 +177,8 @@ def are_consistent(model: Model, effects: Sequence[str]) -> bool:
 def are_alike(one: Candidate[F], best: Candidate[F], tried: float, predictions: Predictions) -> bool:
     """Whether the best of so many does not predict significantly and substantially better than another; predictions:
     those of the other, then of the best."""
-    left, least = 1 - one.gain, 1 - best.gain
-    return left * (1 - policy.LEAST_GAIN) <= least or tried * predictions.p_value > policy.FALSE_NAME
+    left, least = math.sqrt(1 - one.gain), math.sqrt(1 - best.gain)
+    return not policy.is_less(least, left) or tried * predictions.p_value > policy.FALSE_NAME
 
 
 def simplest(alike: Sequence[Candidate[F]]) -> list[Candidate[F]]:

@@ -132,8 +132,9 @@ def named(alike: Sequence[Candidate[F]], likelihood: Likelihood[F]) -> Candidate
     a simple one, then one that ``_is_preferred``."""
     if len(alike) == 1:
         return alike[0]
-    left = [likelihood.predictions(one.fit, alike[0].fit, of_all=True).usual for one in alike]
-    best = [one for one, error in zip(alike, left, strict=True) if error * (1 - policy.LEAST_GAIN) <= min(left)]
+    left = [math.sqrt(likelihood.predictions(one.fit, alike[0].fit, of_all=True).usual) for one in alike]
+    least = min(left)
+    best = [one for one, error in zip(alike, left, strict=True) if not policy.is_less(least, error)]
     return min(simplest(best), key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.rms))
 
 
@@ -159,9 +160,9 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     significant, a pair begins with the ``begin`` of the step.
     """
     alone = {one.effect: one for one in step_alone.judged}
-    less = math.sqrt(1 - policy.LEAST_GAIN)
     best = min((one.fit.screened for one in alone.values()), default=math.inf)
-    promising = [one for one in alone.values() if less * one.fit.screened <= best < less * now.screened]
+    promising = [one for one in alone.values() if not policy.is_less(best, one.fit.screened)]
+    promising = promising if policy.is_less(best, now.screened) else []
     promising = promising or [one for one in alone.values() if one.takes_too_little][:1]
     tries: list[tuple[Candidate[F], Sequence[str]]] = []
     if promising and likelihood.tries_pairs(added):

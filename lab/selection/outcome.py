@@ -45,8 +45,8 @@ def strongest_first(
 def unshown(selection: Selection[F], error: Callable[[F], float]) -> tuple[str, ...]:
     """The added effects without which no more than is worth a name is left of unseen data: only the data of the fit
     show them.  error: of a fit, on unseen data."""
-    most = error(selection.fits[-1]) ** 2
-    return tuple(name for name, fit in selection.lacking.items() if (1 - policy.LEAST_GAIN) * error(fit) ** 2 < most)
+    least = error(selection.fits[-1])
+    return tuple(name for name, fit in selection.lacking.items() if not policy.is_less(least, error(fit)))
 
 
 def ladder(selection: Selection[F], errors: Sequence[float], noise: float, unit: str) -> tuple[Rung, ...]:
