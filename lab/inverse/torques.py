@@ -124,13 +124,13 @@ def _of_samples(
 ) -> None:  # fmt: skip
     """Of one model without states of effects: samples are lanes."""
     m, w = terms(plan, values), memory(work)
-    x, dx = w.x, w.k1
+    x, dx, still = w.x, w.k1, w.k2  # slopes of zero: one that is not finite would stay in all later samples
     for i in range(0, time.size, LANES):
         count = min(LANES, time.size - i)
         for k in range(count):
             w.time[k], w.value[k] = time[i + k], drive[i + k]
             x[k], x[LANES + k] = position[i + k], velocity[i + k]
-        load(m, w, x, dx, 0.0, w.none, 0, count)
+        load(m, w, x, still, 0.0, w.none, 0, count)
         rates(m, w, dx, 0, count)
         for k in range(count):
             found[i + k] = dx[LANES + k]
@@ -142,7 +142,7 @@ def _of_models(
 ) -> None:  # fmt: skip
     """Of models whose states follow from the motion: models are lanes; positions, found: (lanes, N)."""
     m, w = terms(plan, values), memory(work)
-    n, x, dx, count = m.states, w.x, w.k1, len(positions)
+    n, x, dx, still, count = m.states, w.x, w.k1, w.k2, len(positions)
     end = lanes_for(count)
     for i in range(time.size):
         for k in range(end):
@@ -152,14 +152,14 @@ def _of_models(
             for k in range(count):
                 before, now = positions[k, i - 1], positions[k, i]
                 x[k], x[LANES + k] = before + at * (now - before), (now - before) / (time[i] - time[i - 1])
-            load(m, w, x, dx, 0.0, w.none, 0, end)
+            load(m, w, x, still, 0.0, w.none, 0, end)
             rates(m, w, dx, 0, end)
             for j in range(2 * LANES, n * LANES, LANES):
                 for k in range(end):
                     x[j + k] += h * dx[j + k]
         for k in range(count):
             x[k], x[LANES + k] = positions[k, i], velocity[i]
-        load(m, w, x, dx, 0.0, w.none, 0, end)
+        load(m, w, x, still, 0.0, w.none, 0, end)
         rates(m, w, dx, 0, end)
         for k in range(count):
             found[k, i] = dx[LANES + k]
