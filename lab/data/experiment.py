@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data import readings
+from lostmotion.lab.data.checks import LEAST_SAMPLES, check_goal, check_output, check_rate
 from lostmotion.lab.data.frequency_response import turned
 from lostmotion.lab.data.rounded_input import rounding_step, smooth_motion
 from lostmotion.lab.data.stand_ins import LENGTHS, is_sampled, with_stand_ins
@@ -25,7 +26,6 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "ACCEL",
-    "FLAT_SHARE",
     "INPUT",
     "OUTPUTS",
     "Experiment",
@@ -54,10 +54,6 @@ IN_PLACE = {
 }
 """What is taken for the torque of a joint where none was recorded: its unit, the factor to a torque, and a remark."""
 log = logging.getLogger(__name__)
-LEAST_SAMPLES = 50
-FLAT_SHARE = 1e-9
-RAILS_SHARE = 0.5
-COPIED, COPIED_ROWS = 0.9, 3  # share of the rows in motion, and how many rows a goal is ahead that is a copy
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +115,11 @@ class Experiment:
         last = max(last, first + 2)
         measured = {name: values[first:last] for name, values in self.measured.items()}
         return replace(self, time=self.time[first:last], measured=measured)
+
+    def interpolated(self, column: str, time: FloatArray) -> FloatArray:
+        """The readings of a column at these times (M,) [s], linear between the samples that were read."""
+        seen = ~np.isnan(self.measured[column])
+        return np.interp(time, self.time[seen], self.measured[column][seen])
 
     def delayed(self, by_s: float) -> Experiment:
         """The experiment with an input that acts ``by_s`` [s] later than it was recorded."""
@@ -188,7 +189,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
     if model.base == "oscillator":
         readings.warn_of_clipping(recording)
     if model.base == "servo":
-        _check_goal(recording)
+        check_goal(recording)
     rows = np.any([~np.isnan(recording.columns[name]) for name in outputs], axis=0)
     rows &= readings.rows_of_base(recording, model.base, drive is None)
     time = recording.time.copy()
@@ -198,7 +199,9 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         rows &= (time >= drive.time[0]) & (time <= drive.time[-1])
     measured = {name: recording.columns[name][rows] for name in outputs}
     for name, values in measured.items():
-        _check_output(recording.name, name, values)
+        check_output(recording.name, name, values)
+    if model.base == "play":
+        check_rate(recording.name, time[rows])
     return Experiment(
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
@@ -290,49 +293,6 @@ def _readings(recording: Recording, column: str) -> FloatArray:
     """The readings of a column (M,), none where it was not recorded."""
     values = recording.columns.get(column, np.empty(0))
     return np.asarray(values[np.isfinite(values)])
-
-
-def _check_goal(recording: Recording) -> None:
-    """Raises ExperimentError for a goal that never changes, and drives nothing; and for one that is the angle itself
-    some rows ahead, as in some data sets for learning: a servo without delay, friction and weight was found in one."""
-    goal, position = recording.columns["command"], recording.columns["position"]
-    sent = _readings(recording, "command")
-    if np.ptp(sent) <= FLAT_SHARE * np.abs(sent).max():
-        raise ExperimentError(
-            f"{recording.name}: found the command {sent[0]:g} at all times, expected a goal that changes: what moves a "
-            "servo that holds was not recorded. Record steps or sweeps of its goal, or use the base joint, with what "
-            "drives it as --map torque=SERIES"
-        )
-    for ahead in range(1, COPIED_ROWS + 1):
-        now, then = goal[: goal.size - ahead], position[ahead:]
-        moving = np.flatnonzero(np.diff(then)) + 1
-        if moving.size >= LEAST_SAMPLES and np.mean(now[moving] == then[moving]) > COPIED:
-            raise ExperimentError(
-                f"{recording.name}: found a command that is the position {ahead} row(s) later, expected the goal that "
-                "was sent to the servo: a copy of the angle says nothing about it"
-            )
-
-
-def _check_output(name: str, column: str, values: FloatArray) -> None:
-    sampled = values[~np.isnan(values)]
-    if sampled.size < LEAST_SAMPLES:
-        raise ExperimentError(
-            f"{name}: usable samples of {column}: found {sampled.size}, expected at least {LEAST_SAMPLES}; "
-            "is the recording too short, or are input and output from different times?"
-        )
-    if not np.all(np.isfinite(sampled)):
-        raise ExperimentError(f"{name}: {column} holds a value that is not finite, expected numbers or empty cells")
-    spread = float(np.ptp(sampled))
-    if spread <= FLAT_SHARE * max(float(np.max(np.abs(sampled))), 1e-300):
-        raise ExperimentError(
-            f"{name}: {column} is flat at {sampled[0]:g}, expected a signal that moves; is the sensor connected?"
-        )
-    rails = np.mean((sampled == sampled.max()) | (sampled == sampled.min()))
-    if column != "position" and rails > RAILS_SHARE:  # a joint may stand still at the end of its motion
-        raise ExperimentError(
-            f"{name}: {100 * rails:.0f} % of {column} stands at its largest or smallest value; expected a signal "
-            "within the sensor's range; is it saturated?"
-        )
 
 
 def _given(model: Model, recording: Recording) -> dict[str, float]:

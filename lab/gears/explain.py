@@ -16,7 +16,6 @@ from lostmotion.lab.data.excerpt import excerpts
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.deadline import Progress, within
 from lostmotion.lab.discrepancy.describe import described
-from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.fit import fit_of, refined_fit
 from lostmotion.lab.fitting.identifiability import with_scale
 from lostmotion.lab.fitting.strategy import full_fit, predictable, searched_fit
@@ -27,15 +26,12 @@ from lostmotion.lab.results import Errors, Estimate, Explanation, Finding, Fit
 from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
 from lostmotion.lab.selection.search import Selection
-from lostmotion.lab.shooting.continuation import FIRST_S, Level
+from lostmotion.lab.shooting.continuation import Level
 from lostmotion.lab.shooting.task import Task, coarse_substep, dithered
 from lostmotion.model import Model, ModelError
 
 __all__ = ["explained_gears"]
 
-FIRST_LEAST = 8
-"""Least number of samples in the shortest segments, which have four initial values: otherwise these leave no samples to
-estimate the noise from."""
 STEP_COST = 0.4
 """Cost of an integration step of gears, relative to that of a sample that is compared."""
 
@@ -49,9 +45,8 @@ def explained_gears(
     train: the experiments of the fits; last: the one that is predicted, to which no parameter is fitted; noise: root
     mean square of the noise of each column; budget_s, spent_s: time of the search, and the part of it that has gone
     [s].  Of long recordings those parts are used that a search can process in the whole time, so that the answer does
-    not depend on how fast the files were read.  Raises ExperimentError where the recordings were sampled too slowly.
+    not depend on how fast the files were read.
     """
-    _check_rate(model, [*train, last])
     model, held = with_scale(model, [*train, last])
     whole_s = sum(one.duration for one in (*train, last))
     train, last = _used(model, train, last, budget_s)
@@ -71,18 +66,6 @@ def explained_gears(
     progress("done", 1.0)
     used_s = sum(one.duration for one in (*train, last)), whole_s
     return replace(found, held=held, used_s=used_s, input_limit=known.limit(last, sensor))
-
-
-def _check_rate(model: Model, experiments: Sequence[Experiment]) -> None:
-    """Raises ExperimentError where the shortest segments have too few samples to determine their initial states."""
-    slow = min(experiments, key=lambda one: one.rate_hz)
-    length = FIRST_S[model.base]
-    if slow.rate_hz * length < FIRST_LEAST:
-        raise ExperimentError(
-            f"{slow.name}: found {slow.rate_hz:.3g} samples a second, expected at least {FIRST_LEAST / length:.3g}: "
-            f"what the teeth of a gear do is over in {length:g} s; of a slow recording the base 'joint' (torque and "
-            "position) or 'servo' (command and position) can be asked"
-        )
 
 
 def _used(

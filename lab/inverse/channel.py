@@ -16,7 +16,8 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import numbered
-from lostmotion.lab.data.experiment import FLAT_SHARE, Experiment
+from lostmotion.lab.data.checks import FLAT_SHARE
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import is_onward
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals

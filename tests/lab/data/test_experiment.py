@@ -378,15 +378,17 @@ def test_a_goal_that_is_the_same_after_a_gap_was_held_in_it(caplog: pytest.LogCa
     assert "gap" not in caplog.text
 
 
-def test_gears_that_were_sampled_too_slowly(tmp_path: Path) -> None:
-    """Ten samples a second tell nothing of teeth: one line says so, and what can be asked instead."""
+@pytest.mark.parametrize("command", [("compare",), ("fit", "-o", "out.toml"), ("explain",)])
+def test_gears_that_were_sampled_too_slowly(command: tuple[str, ...], tmp_path: Path) -> None:
+    """Ten samples a second tell nothing of teeth (times in milliseconds look like that): one line says so, and what can
+    be asked instead."""
     path, model = tmp_path / "slow.csv", tmp_path / "gears.toml"
     times = np.arange(270) / 10
-    command = 0.15 * np.sign(np.sin(0.5 * times))
+    goal = 0.15 * np.sign(np.sin(0.5 * times))
     noise = np.random.default_rng(2).normal(0, 1e-3, times.size)
-    write_recording(recording(times, command=command, position=0.9 * command + noise), path)
+    write_recording(recording(times, command=goal, position=0.9 * goal + noise), path)
     model.write_text('base = "play"\n')
-    result = run("lab", "explain", model, path)
+    result = run("lab", command[0], model, path, *command[1:])
     assert result.exit_code == 2
     assert "slow.csv: found 10 samples a second, expected at least 32" in result.stderr
     assert "the base 'joint'" in result.stderr
