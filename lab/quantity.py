@@ -16,6 +16,7 @@ __all__ = [
     "of_axis",
     "quantities",
     "quantity",
+    "raised",
     "readable",
     "scale",
     "with_unit",
@@ -77,10 +78,15 @@ def scale(unit: str, *values: float) -> Scale:
     return Scale(*known[-1])
 
 
+def raised(exponent: str) -> str:
+    """An exponent with raised digits: "⁻³" for "-3"."""
+    return exponent.translate(_RAISED)
+
+
 def readable(unit: str) -> str:
     """An SI unit with raised powers: "kg m^2" is "kg m²"."""
     head, *powers = unit.split("^")
-    return head + "".join(power[0].translate(_RAISED) + power[1:] for power in powers if power)
+    return head + "".join(raised(power[0]) + power[1:] for power in powers if power)
 
 
 def number(value: float, decimals: int) -> str:
@@ -91,7 +97,7 @@ def number(value: float, decimals: int) -> str:
     if rounded and not 1e-4 <= abs(rounded) < 1e6:
         exponent = math.floor(math.log10(abs(rounded)))
         digits = min(max(exponent + decimals, 0), MOST_DIGITS)
-        return f"{rounded / 10.0**exponent:.{digits}f} × 10{str(exponent).translate(_RAISED)}".replace("-", "−")
+        return f"{rounded / 10.0**exponent:.{digits}f} × 10{raised(str(exponent))}".replace("-", "−")
     return f"{rounded if rounded else 0.0:.{max(decimals, 0)}f}".replace("-", "−")
 
 

@@ -310,8 +310,12 @@ class Explanation(Displayed):
 class Ladder(Displayed):
     """How the error fell, effect by effect; last: the explanation that added nothing more."""
 
-    rungs: tuple[Rung, ...]
     last: Explanation
+
+    @property
+    def rungs(self) -> tuple[Rung, ...]:
+        """The errors with one effect after the other."""
+        return self.last.rungs
 
     def document(self) -> dict[str, Any]:
         """The keys of ``lab improve --json``: those of explain, and the ladder."""
@@ -325,5 +329,5 @@ def _number(value: float) -> float | None:
 
 
 def ladder_of(explanation: Explanation) -> Ladder:
-    """The errors with one effect after the other."""
-    return Ladder(explanation.rungs, explanation)
+    """How the error fell in a search."""
+    return Ladder(explanation)

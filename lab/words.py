@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lostmotion.lab.quantity import Interval, of_axis
+from lostmotion.lab.quantity import Interval
 from lostmotion.lab.results import Fit
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.registry import find
 from lostmotion.model.effects.words import Words
 
-__all__ = ["column", "intervals", "look", "name", "of_axis", "sentence", "size", "variable"]
+__all__ = ["column", "intervals", "look", "name", "sentence", "size", "variable"]
 
 Found = Mapping[str, Interval]
 

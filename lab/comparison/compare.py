@@ -44,7 +44,7 @@ from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, segment_of
 from lostmotion.lab.shooting.parameters import free_names, held
-from lostmotion.lab.shooting.task import Task, coarse_substep
+from lostmotion.lab.shooting.task import Task, fine_substep
 from lostmotion.model import Model, predictability_horizon
 from lostmotion.model.motion import FloatArray
 
@@ -278,7 +278,7 @@ def _with_zero(model: Model, experiment: Experiment) -> Experiment:
 def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
     """The initial state that minimises the error, of gears on longer and longer segments."""
     whole = segment_of(model, experiment, {name: one.rms for name, one in floor.items()})
-    return find_start(model, whole, coarse_substep(model, [experiment], 1.0), effort=FINE).start
+    return find_start(model, whole, fine_substep(model, [experiment]), effort=FINE).start
 
 
 def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:

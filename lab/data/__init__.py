@@ -1,1 +1,1 @@
-"""Measured data: experiments, their noise, clipping of the sensor."""
+"""Measured data: recordings prepared for a model, the repair of their readings, their noise, and tests of residuals."""

@@ -122,10 +122,8 @@ def _spectra(
     int w e^-st x'' dt = int (w'' - 2 s w' + s^2 w) e^-st x dt.
     """
     assert experiment.drive is not None
-    values = experiment.measured[column]
-    seen = ~np.isnan(values)
     time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
-    x = np.interp(time, experiment.time[seen], values[seen])
+    x = experiment.interpolated(column, time)
     force = experiment.drive.position(time)
     turn = 2 * np.pi / (time[-1] - time[0])
     angle = turn * (time - time[0])

@@ -20,7 +20,7 @@ from lostmotion.lab import policy, words
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
-from lostmotion.lab.quantity import quantity
+from lostmotion.lab.quantity import of_axis, quantity
 from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -93,7 +93,7 @@ def _proposals(base: str, experiments: Sequence[Experiment]) -> list[_Proposal]:
     motion, and steps with rests."""
     size, hz = _recorded(experiments)
     unit = INPUT_UNITS.get(base, "rad")
-    unit = words.of_axis(unit, experiments[0].is_linear, experiments[0].drive_unit)
+    unit = of_axis(unit, experiments[0].is_linear, experiments[0].drive_unit)
 
     def sine(what: str, frequency: float, amplitude: float) -> _Proposal:
         text = f"{what} sine of {quantity(frequency, 'Hz', 2)} and {quantity(amplitude, unit, 2)}"

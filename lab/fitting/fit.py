@@ -32,7 +32,7 @@ from lostmotion.lab.shooting.continuation import Level, fitted, followed_segment
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import FINE_STEP, Segment
-from lostmotion.lab.shooting.task import Task, coarse_substep
+from lostmotion.lab.shooting.task import Task, fine_substep
 from lostmotion.model import Model, Sampled
 from lostmotion.model.motion import FloatArray
 
@@ -40,7 +40,6 @@ __all__ = ["by_column", "fit_of", "fit_segments", "refined_fit", "rms_by_column"
 
 log = logging.getLogger(__name__)
 
-REFINED_STEPS = 1.0
 PROMISED = 1e-4
 """Least standard deviation of z: the accuracy of the solver and of the interpolated input.  Where impacts amplify every
 change, noise alone would give intervals of 1e-7, narrower than these errors."""
@@ -107,7 +106,7 @@ def _from_rounding(level: Level, task: Task) -> FloatArray | float:
 
 def _refined_level(level: Level, task: Task) -> Level:
     """The level fitted again with a fine integration step, least squares, and the bounds of the file only."""
-    substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
+    substep = fine_substep(level.model, task.experiments)
     model = with_range(level.model, task.experiments)
     unknowns = Unknowns.of(model)
     once = fitted(model, unknowns, level.segments, substep)
@@ -122,12 +121,12 @@ def fit_of(level: Level, task: Task) -> Fit:
 
 def _followed(level: Level, task: Task) -> list[Segment]:
     """The segments that the model follows with a fine integration step."""
-    return followed_segments(level, coarse_substep(level.model, task.experiments, REFINED_STEPS))
+    return followed_segments(level, fine_substep(level.model, task.experiments))
 
 
 def _result(level: Level, task: Task, followed: list[Segment], also: FloatArray | float = 0.0) -> Fit:
     """The result of a level; also: covariance of z (P, P) beside that of the noise."""
-    substep = coarse_substep(level.model, task.experiments, REFINED_STEPS)
+    substep = fine_substep(level.model, task.experiments)
     covariance = _covariance(level, followed, substep) + also
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)

@@ -110,7 +110,7 @@ def with_free_states(model: Model) -> Model:
     friction.
     """
     free = [get_effect(name) for name in model.effects if get_effect(name).free_states]
-    model = held(model, [f"{effect.id}.{name}" for effect in free for name in effect.amplitudes])
+    model = held(model, [name for effect in free for name in effect.amplitude_names])
     rests_by = {get_effect(name).rests_by for name in model.effects} - {""}
     bias = model.parameters.get("bias")
     if not rests_by or not bias or bias.fixed == ("bias" not in rests_by):

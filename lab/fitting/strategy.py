@@ -26,7 +26,7 @@ from lostmotion.lab.shooting.continuation import LONGER, Level, are_missed, fitt
 from lostmotion.lab.shooting.initial_state import find_start, repaired, ringing_hz, segment_of, with_best_starts
 from lostmotion.lab.shooting.parameters import AT_BOUND, Unknowns, free_names
 from lostmotion.lab.shooting.segment import Segment, residuals
-from lostmotion.lab.shooting.task import Task, coarse_substep
+from lostmotion.lab.shooting.task import Task, fine_substep
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -281,7 +281,7 @@ def _doubt(level: Level, task: Task) -> float:
 
 def _unpredictable(model: Model, segments: Sequence[Segment], task: Task) -> NDArray[np.bool_]:
     """Which segments (S,) change with half the integration step or with a small disturbance of their initial state."""
-    fine = coarse_substep(model, task.experiments, 1.0)
+    fine = fine_substep(model, task.experiments)
     here, halved = residuals(model, segments, fine), residuals(model, segments, fine / 2)
     apart = residuals(
         model, [segment.starting(segment.start + DISTURBANCE * segment.scale) for segment in segments], fine

@@ -17,6 +17,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import RANGE, with_clipping
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import fit_of, refined_fit
 from lostmotion.lab.fitting.strategy import grown, some_tiles, unfitted
@@ -241,7 +242,7 @@ class ShortSegments:
         """Of the fits that miss the fewest segments, fitted or not, the one with the least error on those that none of
         these misses; all have the same segments."""
         parts = [[*residuals(one.model, one.level.segments, self.task.substep_s), *one.unseen.parts] for one in fits]
-        errors = np.array([[np.sqrt(np.mean(r**2)) for r in each] for each in parts])
+        errors = np.array([[rms(r) for r in each] for each in parts])
         is_missed = errors >= policy.MISSED * np.median(errors)
         missed = is_missed.sum(axis=1)
         few = np.flatnonzero(missed == missed.min())
@@ -293,7 +294,7 @@ class ShortSegments:
         deviations.  Otherwise only the initial values of its states explain something, as those of a second mode that
         is neither driven nor damped explain a hum.  Near the noise the refined fit is asked, too: with the step of the
         search a weight was 1.49 ± 0.2 µN m where there is none, and is 0 ± 0.15 with a fine one (seed 7700)."""
-        names = [f"{effect}.{name}" for name in get_effect(effect).amplitudes]
+        names = get_effect(effect).amplitude_names
 
         def exceed(found: Fit) -> bool:
             own = [e for e in found.estimates if e.name in names]

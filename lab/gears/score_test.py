@@ -48,7 +48,7 @@ class Direction:
     @property
     def possible(self) -> bool:
         """Whether the bounds of the amplitudes allow the sign of the estimate."""
-        names = (f"{self.effect}.{name}" for name in get_effect(self.effect).amplitudes)
+        names = get_effect(self.effect).amplitude_names
         return self.amplitude > 0 or all(self.model.parameters[name].low < 0 for name in names)
 
 

@@ -194,11 +194,11 @@ def _with_direction(direction: Direction, level: Level, task: Task, iterations: 
     """The fit with one more effect on the segments of a level, from the amplitude of the score test, within its
     bounds."""
     model, values = direction.model, {}
-    for name in get_effect(direction.effect).amplitudes:
-        parameter = model.parameters[full := f"{direction.effect}.{name}"]
+    for name in get_effect(direction.effect).amplitude_names:
+        parameter = model.parameters[name]
         faint = parameter.value
         wanted = faint * direction.amplitude
-        values[full] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
+        values[name] = min(max(wanted, parameter.low, faint if parameter.low >= 0 else parameter.low), parameter.high)
     model = merged(model.replace(values))
     unknowns = Unknowns.of(model, task.rough)
     return fitted(model, unknowns, _segments(model, level), task.substep_s, iterations=iterations)

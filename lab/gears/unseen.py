@@ -17,6 +17,7 @@ import numpy as np
 from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.data.whiteness import is_structured
 from lostmotion.lab.fitting.fit import by_column, rms_by_column
 from lostmotion.lab.fitting.strategy import observed_states, with_initial_states
@@ -48,7 +49,7 @@ class Validation:
     @cached_property
     def errors(self) -> FloatArray:
         """Root mean square of the residual of each segment (S,)."""
-        return np.array([np.sqrt(np.mean(part**2)) for part in self.parts])
+        return np.array([rms(part) for part in self.parts])
 
     @property
     def usual(self) -> float:
@@ -63,7 +64,7 @@ class Validation:
     @cached_property
     def error(self) -> float:
         """Root mean square of the residuals of all segments that are not lost."""
-        return float(np.sqrt(np.mean(np.concatenate([self.parts[i] for i in self.kept]) ** 2)))
+        return rms(*(self.parts[i] for i in self.kept))
 
     def of(self, column: str) -> float:
         """The error of a column in its unit, without lost segments; infinite where the model cannot be simulated."""

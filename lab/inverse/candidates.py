@@ -124,8 +124,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
 
 def _without_excitation(wide: Model, effect: Effect) -> Model:
     """The model in which nothing but their initial values moves the free states of an effect, as no input does."""
-    idle = effect.amplitudes if effect.free_states else ()
-    return wide.replace({f"{effect.id}.{name}": 0.0 for name in idle})
+    return wide.replace(dict.fromkeys(effect.amplitude_names if effect.free_states else (), 0.0))
 
 
 def fitted_with(

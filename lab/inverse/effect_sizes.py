@@ -120,8 +120,7 @@ def _phases(effect: str, model: Model) -> list[str]:
 
 def amplitudes(effect: str, fit: Regression) -> list[str]:
     """The free parameters without which the effect vanishes, by their full names."""
-    names = (f"{effect}.{part}" for part in get_effect(effect).amplitudes)
-    return [name for name in names if name in fit.unknowns.names]
+    return [name for name in get_effect(effect).amplitude_names if name in fit.unknowns.names]
 
 
 def shares(model: Model, effects: Sequence[str], signals: Sequence[Signals]) -> dict[str, float]:

@@ -32,18 +32,19 @@ from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, can_run
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
+from lostmotion.lab.quantity import of_axis
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
 from lostmotion.lab.selection.evidence import Candidate, Predictions
 from lostmotion.lab.selection.forward import selected
 from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
 from lostmotion.lab.selection.search import Selection, Step
-from lostmotion.lab.shooting.task import coarse_substep
+from lostmotion.lab.shooting.task import fine_substep
 from lostmotion.model import Model, ModelError, build_model
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["explained", "fitted"]
 
-TRAILS = 2.0
+KT_RATIO = 2.0
 """Ratio of the fitted kt to that of the model file from which on a warning reports it: data sheets are not that wrong,
 and a delay of 60 ms made 4.9 N m/A of a motor that has 1.2."""
 SHARPER = 20.0
@@ -122,7 +123,7 @@ def _warn_of_motor_constant(rough: Model, fitted: Model, name: str) -> None:
     if rough.base != "servo" or rough.parameters["kt"].fixed:
         return
     given, now = rough.parameters["kt"].value, fitted.parameters["kt"].value
-    if not 1 / TRAILS < now / given < TRAILS:
+    if not 1 / KT_RATIO < now / given < KT_RATIO:
         log.warning(
             "%s: kt is fitted as %.2g N m/A, the model has %.2g: it stands for all by which the servo trails its "
             "command, also a delay or viscous friction; if kt and kp are known, give them, kt with fixed = true",
@@ -229,7 +230,7 @@ def _estimates(fit: Regression, floor: float) -> tuple[Estimate, ...]:
     deviation, freedom = fit.interval(is_lasting=isinstance(fit.data, OutputError) and not is_noise(fit.misfit, floor))
     width = float(-stdtrit(freedom, (1 - policy.CONFIDENCE) / 2))
     found = fit.unknowns.estimates(fit.model, fit.z, deviation, width)
-    return tuple(replace(one, unit=words.of_axis(one.unit, *fit.data.axis)) for one in found)
+    return tuple(replace(one, unit=of_axis(one.unit, *fit.data.axis)) for one in found)
 
 
 def _fit(fit: Regression, rough: Model, noise: dict[str, float], *unseen: Signals) -> Fit:
@@ -258,7 +259,7 @@ def _substep(fit: Regression, model: Model, shown: Sequence[Experiment]) -> floa
     """The integration step [s] with which the result is simulated: the model's own choice for a motion from rest, or
     the step of the fit where that motion diverges, as that of a bar which softens may."""
     try:
-        return coarse_substep(model, shown, 1.0)
+        return fine_substep(model, shown)
     except ModelError:
         if isinstance(fit.data, OutputError):
             return fit.data.substep_s

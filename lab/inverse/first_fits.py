@@ -40,7 +40,7 @@ def _starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
 
 def _vanishing(model: Model, bare: Model) -> Model:
     """The model with the values of one without effects, and with sizes of zero of its own."""
-    names = [f"{effect}.{name}" for effect in model.effects for name in get_effect(effect).amplitudes]
+    names = [name for effect in model.effects for name in get_effect(effect).amplitude_names]
     zero = {name: 0.0 for name in names if not (p := model.parameters[name]).fixed and p.low <= 0.0}
     return with_values(model, bare).replace(zero)
 

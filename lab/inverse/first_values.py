@@ -66,7 +66,7 @@ class Guess:
 def guesses(name: str, shapes: Sequence[Model], now: Regression, data: Problem) -> list[Guess]:
     """The guesses for an effect of these shapes, that with the largest gain first.  Shapes that the motion does not
     cover, or that do not change the residual, are left out, and also those for which the time is over."""
-    names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
+    names = get_effect(name).amplitude_names
     left = [shape for shape in shapes if _covers(name, shape, now.data)]
     found: list[Guess] = []
     while left and not is_over():
@@ -126,7 +126,7 @@ def initial_point(name: str, guess: Guess, now: Regression, data: Problem) -> tu
     """
     if not isinstance(data, OutputError) or data.most_beside == 1:
         return guess.model, guess.nuisance
-    names = [f"{name}.{part}" for part in get_effect(name).amplitudes]
+    names = get_effect(name).amplitude_names
     (low, high), points = now.unknowns.bounds, [(guess.model, guess.nuisance)]
     for change in [guess.change, *([guess.tangent] if names else [])]:  # the same where there is no amplitude
         amplitude, step = _first_order(guess, change, now, names)
@@ -247,8 +247,7 @@ def _travel(signals: Signals, fastest: float) -> float:
     slow = np.abs(signals.velocity) < fastest
     if not slow.any():
         return 0.0
-    step = float(signals.time[1] - signals.time[0])
-    way = float(np.abs(signals.velocity[slow]).sum() * step)
+    way = float(np.abs(signals.velocity[slow]).sum() * signals.step_s)
     dying = math.inf if signals.experiment.is_driven else math.sqrt(8) * float(signals.position.std())
     return min(float(np.ptp(signals.position[slow])), dying, way)
 

@@ -28,7 +28,7 @@ from lostmotion.lab.fitting.identifiability import free_states
 from lostmotion.lab.inverse.problem import Point, Problem
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.selection.nesting import without
-from lostmotion.lab.shooting.task import coarse_substep
+from lostmotion.lab.shooting.task import fine_substep
 from lostmotion.model import Model, ModelError
 from lostmotion.model.bases import get_base
 from lostmotion.model.effects import get_effect
@@ -275,7 +275,7 @@ def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
     is_driven = any(one.experiment.is_driven for one in signals)
     if is_driven or not any(get_effect(name).distance for name in model.effects):
         try:
-            return coarse_substep(model, [one.experiment for one in signals], STEPS)
+            return STEPS * fine_substep(model, [one.experiment for one in signals])
         except ModelError:
             if is_driven:
                 raise

@@ -210,7 +210,7 @@ def _largest_motion(signals: Signals) -> slice:
     """The samples of the motion that covers the longest distance, of several that are separated by rests, as a free
     part does not begin to move again after a rest."""
     moving = np.flatnonzero(signals.moving)
-    rest = PAUSE / signals.band_hz / float(signals.time[1] - signals.time[0])
+    rest = PAUSE / signals.band_hz / signals.step_s
     parts = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
     largest = max(parts, key=lambda part: float(np.abs(signals.velocity[part]).sum()))
     return slice(int(largest[0]), int(largest[-1]) + 1)
@@ -253,7 +253,7 @@ class _LocalMotion:
         recording."""
         from scipy.signal import savgol_filter  # late, as everywhere in the lab
 
-        step = float(signals.time[1] - signals.time[0])
+        step = signals.step_s
         moved = _largest_motion(signals)
         is_coast = coasts(signals.position[moved], signals.experiment.is_linear)
         top = TOP if is_coast else 1.0
@@ -261,9 +261,8 @@ class _LocalMotion:
         coast = COASTS * (free.stop - free.start)
         period = coast if is_coast else _period(signals, free) / step
         width = max(2 * round(period / 6) + 1, ORDER + 3 + ORDER % 2)
-        measured = signals.experiment.measured[signals.column]  # of a bar its acceleration follows the same equation
-        seen = ~np.isnan(measured)
-        raw = np.interp(signals.time, signals.experiment.time[seen], measured[seen])
+        # the acceleration of a bar follows the same equation as its place
+        raw = signals.experiment.interpolated(signals.column, signals.time)
         position, velocity, acceleration = (savgol_filter(raw, width, ORDER, order, step) for order in range(3))
         begin = max(moved.start, width)
         first = _last_fastest(velocity[begin : moved.stop], top) + begin

@@ -173,8 +173,7 @@ class Signals:
     def torque_by_delay(self) -> FloatArray:
         """The derivative of the filtered torque by a delay of it [N m/s], at the samples that are compared (M,), from
         a delay of one sample."""
-        step = float(self.time[1] - self.time[0])
-        return self.filtered(self.delayed(step).torque - self.torque) / step
+        return self.filtered(self.delayed(self.step_s).torque - self.torque) / self.step_s
 
     @property
     def grid(self) -> NDArray[np.intp]:
@@ -192,8 +191,13 @@ class Signals:
         return policy.UNSURE_SPEED * rms(self.velocity)
 
     @property
+    def step_s(self) -> float:
+        """The spacing of the samples [s]."""
+        return float(self.time[1] - self.time[0])
+
+    @property
     def _rate(self) -> float:
-        return float(1 / (self.time[1] - self.time[0]))
+        return 1 / self.step_s
 
     def filtered(self, signals: FloatArray) -> FloatArray:
         """Signals (..., N) after the filter, at the samples that are compared (..., M)."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.quantity import quantities, scale, with_unit
 from lostmotion.lab.report.tags import Html, Section, note
 from lostmotion.lab.report.views import Trace
@@ -54,8 +55,7 @@ def _largest(traces: Sequence[Trace], like: Trace) -> float:
 
 
 def _place(number: int, trace: Trace, largest: float) -> str:
-    rms = float(np.sqrt(np.mean(trace.residual**2)))
-    (error, noise, _), unit = quantities(trace.unit, rms, trace.noise, largest)
+    (error, noise, _), unit = quantities(trace.unit, rms(trace.residual), trace.noise, largest)
     floor = f"; noise {with_unit(noise, unit)}" if np.isfinite(trace.noise) else ""
     tools = "".join(f'<button type="button" data-do="{do}" aria-label="{label}" title="{label}">{text}</button>'
                     for do, text, label in TOOLS)  # fmt: skip

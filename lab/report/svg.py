@@ -12,14 +12,13 @@ from html import escape
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lostmotion.lab.quantity import number
+from lostmotion.lab.quantity import number, raised
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Axis", "Frame"]
 
 LEFT, RIGHT, TOP, BOTTOM = 58, 12, 10, 42
 MOST_TICKS = 6
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,4 +156,4 @@ def _step(rough: float) -> float:
 def _power(digit: int, exponent: int) -> str:
     if -3 <= exponent <= 3:
         return f"{digit * 10.0**exponent:g}"
-    return f"{'' if digit == 1 else f'{digit} × '}10{str(exponent).translate(_RAISED)}"
+    return f"{'' if digit == 1 else f'{digit} × '}10{raised(str(exponent))}"

@@ -1,1 +1,1 @@
-"""Which effects are missing: score test, candidates, validation on unseen data, forward selection and pruning."""
+"""The search for missing effects: forward selection by predictions of unseen samples, and backward elimination."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.shooting.least_squares import Problem, minimise
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.lab.shooting.segment import Segment, residuals
@@ -126,13 +127,12 @@ def fitted(
     every = tuple(segment if out else next(better) for segment, out in zip(segments, missed, strict=True))
     found = unknowns.put(model, solution.z)
     r = np.concatenate(residuals(found, every, substep_s))
-    rms, typical = float(np.sqrt(np.mean(r**2))), 1.4826 * float(np.median(np.abs(r)))
-    return Level(found, unknowns, solution.z, every, rms, typical)
+    return Level(found, unknowns, solution.z, every, rms(r), 1.4826 * float(np.median(np.abs(r))))
 
 
 def errors(model: Model, segments: Sequence[Segment], substep_s: float) -> FloatArray:
     """Root mean square of the residual of each segment (S,), in units of the noise."""
-    return np.array([np.sqrt(np.mean(r**2)) for r in residuals(model, segments, substep_s)])
+    return np.array([rms(r) for r in residuals(model, segments, substep_s)])
 
 
 def are_missed(model: Model, segments: Sequence[Segment], substep_s: float) -> NDArray[np.bool_]:

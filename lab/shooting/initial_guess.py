@@ -13,6 +13,7 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import usual_torque
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.shooting.segment import Segment, motions
 from lostmotion.model import Domain, Model, Parameter, build_model
 from lostmotion.model.effects import get_effect
@@ -35,23 +36,20 @@ def scales_of(model: Model, segments: Sequence[Segment], substep_s: float) -> Mo
         found = [run[signal] for run in runs if signal in run.signals]
         return np.concatenate(found) if found else np.zeros(1)
 
-    def rms(signal: str) -> float:
-        return float(np.sqrt(np.mean(all_of(signal) ** 2)))
-
     state = np.concatenate([run.states for run in runs])
     bar = {"play": (2, 3), "oscillator": (0, 1)}.get(model.base)
-    bend, swing = (float(np.sqrt(np.mean(state[:, i] ** 2))) for i in bar) if bar else (0.0, 0.0)
+    bend, swing = (rms(state[:, i]) for i in bar) if bar else (0.0, 0.0)
     measured = np.concatenate([v[~np.isnan(v)] for s in segments for v in s.experiment.measured.values()])
     experiments: list[Experiment] = [s.experiment for s in segments]
-    moving = inertia * rms("acceleration")
+    moving = inertia * rms(all_of("acceleration"))
     driving = [usual_torque(model, e) for e in experiments] if model.base in ("joint", "servo") else []
     return MotionScales(
         torque=max([moving, *driving]),
-        speed=rms("velocity"),
+        speed=rms(all_of("velocity")),
         span=float(np.ptp(all_of("position"))),
         bend=bend,
         swing=swing,
-        reading=rms("accel"),
+        reading=rms(all_of("accel")),
         peak=float(np.max(np.abs(measured))),
         k=value.get("k", 0.0),
         b=value.get("b", 0.0),
@@ -94,8 +92,7 @@ def faint(model: Model, effect: str, size: MotionScales) -> list[Model]:
     if barely := known.barely(size):
         named = [{f"{effect}.{name}": value for name, value in each.items()} for each in barely]
         return [own.replace(_within(own, values)) for values in named]
-    amplitudes = [f"{effect}.{name}" for name in known.amplitudes]
-    if not amplitudes:
+    if not (amplitudes := known.amplitude_names):
         return [own.replace(values) for values in initial_guesses(own, effect, size)]
     shapes: dict[tuple[tuple[str, float], ...], Values] = {}
     for values in initial_guesses(own, effect, size):

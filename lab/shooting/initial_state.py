@@ -211,10 +211,7 @@ def _first(segment: Segment, length: float) -> Segment:
 def ringing_hz(experiment: Experiment, low: float, high: float) -> float:
     """The frequency [Hz] of the strongest line of the bar's acceleration between two frequencies, accurate to a tenth
     of the width of the line."""
-    values = experiment.measured[ACCEL]
-    time = np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz)
-    seen = ~np.isnan(values)
-    even = np.interp(time, experiment.time[seen], values[seen])
+    even = experiment.interpolated(ACCEL, np.arange(experiment.time[0], experiment.time[-1], 1 / experiment.rate_hz))
     spectrum = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size), 4 * even.size)) ** 2
     hz = np.fft.rfftfreq(4 * even.size, 1 / experiment.rate_hz)
     width = max(int(0.75 / hz[1]), 1)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.shooting.parameters import Unknowns
 from lostmotion.model import Model, ModelError, Trajectory
 from lostmotion.model.effects import get_effect
@@ -235,4 +236,4 @@ def _acceleration(experiment: Experiment) -> float:
     """Root mean square of the acceleration of the input [rad/s²]; 0 without an input."""
     if experiment.drive is None:
         return 0.0
-    return float(np.sqrt(np.mean(experiment.drive.acceleration(experiment.time) ** 2)))
+    return rms(experiment.drive.acceleration(experiment.time))

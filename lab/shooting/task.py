@@ -12,13 +12,16 @@ import numpy as np
 
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
+from lostmotion.lab.data.series import rms
 from lostmotion.lab.shooting.continuation import first_level, tiles
 from lostmotion.model import Model, ModelError
 
-__all__ = ["Task", "coarse_substep", "dithered"]
+__all__ = ["Task", "coarse_substep", "dithered", "fine_substep"]
 
-SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}  # times the model's own choice of step
+SEARCH_STEPS = {"play": 8.0, "oscillator": 2.0, "joint": 4.0, "servo": 2.0}
+"""By base, the integration step of a search, in steps that the model chooses."""
 LONGEST_STEP_S = {"play": 5e-4}
+"""By base, the longest integration step of a search [s]."""
 LOOKED_AT_S, LOOKED_AT = 1.0, 100
 """Length [s], and least number of samples, of the motion from which the integration step is chosen."""
 DITHER = 5.0
@@ -62,17 +65,17 @@ class Task:
         return cls(rough, tuple(experiments), noise, step, halvings)
 
 
-def coarse_substep(model: Model, experiments: Sequence[Experiment], factor: float | None = None) -> float:
-    """An integration step for all fits of a model [s]: its own choice, the smallest of all experiments, times
-    ``factor``.
+def fine_substep(model: Model, experiments: Sequence[Experiment]) -> float:
+    """The integration step that a model chooses [s], the smallest of all experiments.  Raises ModelError where it
+    cannot be simulated."""
+    return min(e.model(model).simulate(e.drive, _beginning(e).time).substep_s for e in experiments)
 
-    Without a factor the step is accurate enough for a search, ``SEARCH_STEPS`` times the model's choice.  Raises
-    ModelError where the model cannot be simulated.
-    """
-    own = [e.model(model).simulate(e.drive, _beginning(e).time).substep_s for e in experiments]
-    if factor:
-        return min(own) * factor
-    return min(min(own) * SEARCH_STEPS.get(model.base, 1.0), LONGEST_STEP_S.get(model.base, math.inf))
+
+def coarse_substep(model: Model, experiments: Sequence[Experiment]) -> float:
+    """An integration step that is short enough for a search [s], see ``SEARCH_STEPS``.  Raises ModelError where the
+    model cannot be simulated."""
+    step = SEARCH_STEPS.get(model.base, 1.0) * fine_substep(model, experiments)
+    return min(step, LONGEST_STEP_S.get(model.base, math.inf))
 
 
 def dithered(
@@ -111,7 +114,7 @@ def _step_error(model: Model, experiment: Experiment, substep_s: float) -> dict[
         with suppress(ModelError):  # it diverges
             coarse = own.simulate(first.drive, tile.time, exact.states[at], substep_s=substep_s)
             for name, found in errors.items():
-                found.append(float(np.sqrt(np.mean((coarse[name] - exact[name][part]) ** 2))))
+                found.append(rms(coarse[name] - exact[name][part]))
     return {name: float(np.median(found)) for name, found in errors.items() if found}
 
 

@@ -132,6 +132,11 @@ class Effect(EffectInfo):
     rests_by: str = ""
     words: Words | None = None
 
+    @property
+    def amplitude_names(self) -> tuple[str, ...]:
+        """The names of its amplitudes in a model: "effect.name"."""
+        return tuple(f"{self.id}.{name}" for name in self.amplitudes)
+
     def parameters_on(self, base: str) -> dict[str, Parameter]:
         """Its parameters with their defaults on that base.  Raises ModelError when it does not act there."""
         if base not in self.bases:

@@ -102,7 +102,7 @@ def outside_catalogue() -> Explanation:
 def ladder() -> Ladder:
     """Two rungs down to the noise."""
     rungs = (Rung((), 4.1, NOISE, "m/s^2"), Rung(("coulomb_friction",), 0.41, NOISE, "m/s^2"))
-    return Ladder(rungs, replace(explanation(), complete=True))
+    return Ladder(replace(explanation(), complete=True, rungs=rungs))
 
 
 def _estimate(model: Model, name: str) -> Estimate:

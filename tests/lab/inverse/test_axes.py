@@ -16,9 +16,9 @@ from lostmotion.lab.data.experiment import experiments
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
+from lostmotion.lab.quantity import of_axis
 from lostmotion.lab.selection.evidence import Candidate
 from lostmotion.lab.selection.forward import named
-from lostmotion.lab.words import of_axis
 from lostmotion.model import build_model
 from tests.lab.inverse.test_inverse import explained
 
