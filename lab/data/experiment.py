@@ -169,15 +169,7 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 
 def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:
     recording = _without_zeros(with_stand_ins(recording, model.base, OUTPUTS[model.base]), INPUT[model.base])
-    outputs = [name for name in OUTPUTS[model.base] if is_sampled(recording, name)]
-    if not outputs and (empty := [name for name in OUTPUTS[model.base] if name in recording.columns]):
-        raise ExperimentError(f"{recording.name}: found no number in {', '.join(empty)}, expected samples")
-    if not outputs:
-        raise ExperimentError(
-            f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[model.base])}; "
-            f"the base {model.base!r} is compared with these: choose its series with "
-            f"--map {OUTPUTS[model.base][-1]}=SERIES (lostmotion import {recording.name} lists them)"
-        )
+    outputs = _outputs(recording, model.base)
     if "position" in outputs and recording.metadata.get("position_unit") not in LENGTHS:
         recording = readings.without_wraps(recording)
     if "position" in outputs and model.base != "play":  # there a contact may be as short as a lost reading
@@ -208,6 +200,20 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         _drive_unit(model.base, recording, column) if drive is not None else "",
         step,
     )  # fmt: skip
+
+
+def _outputs(recording: Recording, base: str) -> list[str]:
+    """The columns that are compared.  Raises ExperimentError where there are none."""
+    outputs = [name for name in OUTPUTS[base] if is_sampled(recording, name)]
+    if not outputs and (empty := [name for name in OUTPUTS[base] if name in recording.columns]):
+        raise ExperimentError(f"{recording.name}: found no number in {', '.join(empty)}, expected samples")
+    if not outputs:
+        raise ExperimentError(
+            f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[base])}; the "
+            f"base {base!r} is compared with these: choose its series with --map {OUTPUTS[base][-1]}=SERIES "
+            f"(lostmotion import {recording.name} lists them)"
+        )
+    return outputs
 
 
 def _drive_unit(base: str, recording: Recording, column: str) -> str:
