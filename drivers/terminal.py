@@ -15,6 +15,8 @@ NARROW = 120
 """Columns of a terminal below which a table that does not fit has narrower gaps."""
 WIDEST = 120
 """Columns of a plot in a wide terminal."""
+NARROWEST = 20
+"""Columns of a plot in a terminal of fewer, which breaks its lines: the axis takes 6 of them, the ends 3."""
 LONGEST_WORD = 16
 """What is longer, such as a formula or a path, may be broken, but not in the first column, which names the row."""
 
@@ -39,7 +41,7 @@ def blank_plot(title: str, height: int) -> tuple[Any, int]:
     width."""
     import plotext
 
-    width = min(shutil.get_terminal_size((100, height)).columns, WIDEST)
+    width = min(max(shutil.get_terminal_size((100, height)).columns, NARROWEST), WIDEST)
     figure = plotext.figure
     figure.clear()
     figure.plot_size(width, height)

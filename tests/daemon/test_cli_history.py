@@ -447,6 +447,15 @@ def test_trend_in_the_terminal(database: Path) -> None:
     assert "\x1b" not in text
 
 
+@pytest.mark.parametrize("columns", ["1", "10"])
+def test_trend_in_a_terminal_of_a_few_columns(monkeypatch: pytest.MonkeyPatch, database: Path, columns: str) -> None:
+    """The plot has a least width, which such a terminal wraps."""
+    monkeypatch.setenv("COLUMNS", columns)
+    result = call("trend", "elbow", "--of", "score", "--database", database)
+    assert result.exit_code == 0, result.stderr
+    assert "•" in result.stdout
+
+
 @pytest.mark.parametrize(("term", "is_coloured"), [("xterm", True), ("dumb", False)])
 def test_trend_in_a_terminal_without_colours(
     monkeypatch: pytest.MonkeyPatch, database: Path, term: str, is_coloured: bool
