@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import sqlite3
+import stat
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -54,6 +57,7 @@ WINDOW_OF = " WHERE joint_id = (SELECT id FROM joint WHERE name = ?)"
 BATCH = 5000
 Bounds = tuple[datetime | None, datetime | None, int | None]
 """since, until, and how many of the newest; None: no bound"""
+FOREIGN = "does it belong to the service's user? then use sudo"
 NOISE = "noise/"
 """begin of the keys of ``meta`` under which noises are kept, by joint"""
 FLANK = "flank/"
@@ -66,11 +70,8 @@ class ReaderError(LostmotionError):
 
 def open_readonly(path: Path) -> Reader:
     """Opens a database that a service may be writing.  Raises ReaderError."""
-    if path.is_dir():
-        raise ReaderError(f"{path}: found a folder, expected a database, such as history.db in it")
-    if not path.is_file():
-        here = "" if path.is_absolute() else ", in the working folder"
-        raise ReaderError(f"{path}: no database there{here}; start `lostmotion run` first, or name its configuration")
+    if refusal := _refusal(path):
+        raise ReaderError(f"{path}: {refusal}")
     try:
         db, version = _connect(path, "mode=ro")
     except UNREADABLE as error:
@@ -87,6 +88,27 @@ def open_readonly(path: Path) -> Reader:
         )
         raise ReaderError(newer(path, version) if version > CURRENT else other)
     return Reader(db)
+
+
+def _refusal(path: Path) -> str:
+    """Why no database can be read there, "" where one may be.  The file is not opened: that would release the locks of
+    this program's other readers."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        mode = 0
+    except OSError as error:
+        return f"cannot be read: {error.strerror}; {FOREIGN}"
+    if stat.S_ISDIR(mode):
+        return "found a folder, expected a database, such as history.db in it"
+    if not stat.S_ISREG(mode):
+        here = "" if path.is_absolute() else ", in the working folder"
+        return f"no database there{here}; start `lostmotion run` first, or name its configuration"
+    return (
+        ""
+        if os.access(path, os.R_OK, effective_ids=True)
+        else f"cannot be read: {os.strerror(errno.EACCES)}; {FOREIGN}"
+    )
 
 
 def empty_reader() -> Reader:

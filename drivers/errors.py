@@ -56,7 +56,8 @@ class EndOfData(Exception):  # noqa: N818 - an ending, not an error
 
 def unreadable(path: object, error: OSError) -> str:
     """One line for a file that cannot be read."""
-    return f"{path}: cannot be read: {error.strerror or error}; is the path right?"
+    cause = "may this user read it?" if isinstance(error, PermissionError) else "is the path right?"
+    return f"{path}: cannot be read: {error.strerror or error}; {cause}"
 
 
 def unwritable(path: object, error: OSError) -> str:

@@ -84,7 +84,8 @@ class _Limit(click.ParamType[float]):
         return number * factor
 
 
-FILE = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, readable=False)
+"""not tried here: who reads the file says why it cannot be read"""
 
 
 class _Readable(click.Path):

@@ -63,9 +63,9 @@ FORMATS = (
 
 def is_foreign(path: Path) -> bool:
     """Whether a file is another program's, and not lostmotion's CSV (or a pipe, or not there)."""
-    if path.is_dir() or parts_of(path):
-        return True
     try:
+        if path.is_dir() or parts_of(path):
+            return True
         if not path.is_file():
             return False
         with path.open("rb") as file:

@@ -45,17 +45,20 @@ def _no_pipe(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
 
 
 output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path), required=True, metavar="MODEL2", help="Model file to write.",
-    callback=_no_pipe,
+    "-o", "--output", type=click.Path(path_type=Path, readable=False), required=True, metavar="MODEL2",
+    callback=_no_pipe, help="Model file to write.",
 )  # fmt: skip
 executor_option = click.option(
     "--executor", metavar="SPEC", help="Where to compute: threads:N, processes:N or dask=HOST:PORT.  [default: threads]"
 )
 report_option = click.option(
-    "--report", type=click.Path(path_type=Path), metavar="F.html", help="Write a report to open in a browser."
+    "--report",
+    type=click.Path(path_type=Path, readable=False),
+    metavar="F.html",
+    help="Write a report to open in a browser.",
 )
 curves_option = click.option(
-    "--curves", type=click.Path(path_type=Path), metavar="F.json",
+    "--curves", type=click.Path(path_type=Path, readable=False), metavar="F.json",
     help="Write what the report draws over time: measured, modelled, and modelled without what was found.",
 )  # fmt: skip
 budget_option = click.option(

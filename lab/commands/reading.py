@@ -40,7 +40,7 @@ class Files:
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
     """The argument REC... with ``--joint`` and ``--map``, which the command gets as ``recordings``, of type Files."""
 
-    @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="REC...")
+    @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path, readable=False), metavar="REC...")
     @click.option("--joint", default="", metavar="NAME", help="Which joint, where a recording has several.")
     @click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
                   help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip
