@@ -139,6 +139,8 @@ class Recorder:
         except OSError as error:
             self._cut(self._size)
             self._close()
+            if isinstance(error, BrokenPipeError):  # not the disk: the reader of standard output wants no more
+                raise
             raise RecordingError(unwritable(self._path, error)) from error
         self._size = size
 

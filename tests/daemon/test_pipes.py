@@ -58,6 +58,19 @@ def test_a_recorder_leaves_what_is_there(tmp_path: Path) -> None:
     assert found.duration == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_recorder_ends_with_its_reader(tmp_path: Path) -> None:
+    """``record -o - | head``: the status of a closed pipe, and no talk of a full disk."""
+    config = tmp_path / "robot.toml"
+    config.write_text(SIMULATED)
+    command = [*PROGRAM, "record", "--config", str(config), "--duration", "1", "-o", "-"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout and process.stderr
+    process.stdout.close()
+    assert process.wait(120) == 141
+    assert b"cannot be written" not in process.stderr.read()
+    process.stderr.close()
+
+
 def test_a_history_goes_through_a_pipe_as_parquet(tmp_path: Path) -> None:
     """All rows, and no words."""
     parquet = pytest.importorskip("pyarrow.parquet")
