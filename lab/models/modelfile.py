@@ -7,8 +7,9 @@
     R1 = { value = 0.01, unit = "m", fixed = true }
     coulomb_friction.tau_c = { value = 1e-4, unit = "N m" }
 
-Missing entries take the documented default, also whether a parameter is fixed.  A user-defined effect is listed as
-"file.py:function", the file being relative to the model file's folder; reading the model runs that file.
+Missing entries take the documented default: also the value of a parameter of which the file states bounds or that it
+is free, and whether a parameter is fixed.  A user-defined effect is listed as "file.py:function", the file being
+relative to the model file's folder; reading the model runs that file.
 """
 
 from __future__ import annotations
@@ -60,11 +61,16 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Parameter(msgspec.Struct, forbid_unknown_fields=True):
-    value: float
+    value: float | None = None
     unit: str | None = None
     low: float = -math.inf
     high: float = math.inf
     fixed: bool | None = None
+
+    @property
+    def states_something(self) -> bool:
+        """Whether there is more than a unit."""
+        return self.value is not None or self.fixed is not None or math.isfinite(self.low) or math.isfinite(self.high)
 
 
 def load(path: str | Path) -> ModelFile:
@@ -166,11 +172,13 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter], is_j
     table = {"value": given} if isinstance(given, int | float) else given
     try:
         read = _converted(table, _Parameter)
+        if not read.states_something:
+            raise ModelError("value is missing")
         fixed = default.fixed if read.fixed is None else read.fixed
         of_line = of_axis(default.unit, is_linear=True) if is_joint else default.unit
         unit = default.unit if read.unit is None or read.unit == of_line else read.unit
         default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
-        parameter = Parameter(read.value, unit, read.low, read.high, fixed)
+        parameter = Parameter(default.value if read.value is None else read.value, unit, read.low, read.high, fixed)
         default.updated(parameter)
     except ModelError as error:
         raise ModelError(f"{name}: {error}") from error

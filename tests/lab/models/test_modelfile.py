@@ -143,6 +143,23 @@ def test_a_recording_in_the_place_of_the_model(tmp_path: Path) -> None:
         load(tmp_path / "rec.csv")
 
 
+def test_a_parameter_keeps_its_default_value_where_only_bounds_or_freedom_are_stated() -> None:
+    """``n = { fixed = false }`` frees it, ``d = { high = … }`` widens its bounds; an effect's parameters likewise."""
+    text = (
+        'base = "play"\neffects = ["coulomb_friction"]\n[parameters]\nn = { fixed = false }\nd = { high = 5e-3 }\n'
+        "coulomb_friction.tau_c = { low = 1e-6 }\n"
+    )
+    file = loads(text, "m.toml")
+    usual, found = build_model("play", effects=["coulomb_friction"]).parameters, file.build().parameters
+    assert [found[name].value for name in found] == [usual[name].value for name in usual]
+    assert not found["n"].fixed
+    assert (found["d"].low, found["d"].high) == (usual["d"].low, 5e-3)
+    assert found["coulomb_friction.tau_c"].low == 1e-6
+    assert loads(dumps(file), "m.toml") == file
+    with pytest.raises(ModelFileError, match=r"d: 8e-05 lies outside its own bounds 0.001 to"):
+        loads('base = "play"\n[parameters]\nd = { low = 1e-3 }\n', "m.toml")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
