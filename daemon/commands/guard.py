@@ -75,9 +75,9 @@ def _status(call: Callable[[], Any]) -> int:
         status = call()
         sys.stdout.flush()
     except click.UsageError as error:
-        command = error.ctx.command_path if error.ctx else "lostmotion"
-        said = _usage(error)
-        return _print_error(f"{said}{' See' if said.endswith('?') else '; see'} {command} --help")
+        from lostmotion.daemon.commands.usage import usage_line
+
+        return _print_error(usage_line(error))
     except click.ClickException as error:
         return _print_error(error.format_message())
     except click.Abort:
@@ -87,17 +87,6 @@ def _status(call: Callable[[], Any]) -> int:
     except Exception as error:  # noqa: BLE001 - the edge of the program: no traceback reaches a user
         return _explain(error)
     return status if isinstance(status, int) else 0
-
-
-def _usage(error: click.UsageError) -> str:
-    """What is wrong with a call; click's own text for a group without a command is its whole help."""
-    if (
-        isinstance(error, click.exceptions.NoArgsIsHelpError)
-        and error.ctx
-        and isinstance(error.ctx.command, click.Group)
-    ):
-        return f"found no command, expected one of {', '.join(error.ctx.command.list_commands(error.ctx))}"
-    return error.format_message().rstrip(".")
 
 
 def _explain(error: Exception) -> int:

@@ -67,7 +67,7 @@ def moment(ctx: click.Context, param: click.Parameter, value: str | None) -> dat
         raise click.BadParameter(str(error), ctx, param) from error
 
 
-class _Limit(click.ParamType[float]):
+class _Limit(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.4 on only
     """A limit of a score, or of an angle in rad, or with its unit: ``60'``, ``1deg``."""
 
     name = "limit"

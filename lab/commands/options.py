@@ -19,7 +19,7 @@ __all__ = [
 UNITS_S = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
-class _Duration(click.ParamType[float]):
+class _Duration(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.4 on only
     """A length of time: ``60s``, ``2min``, ``90``."""
 
     name = "duration"

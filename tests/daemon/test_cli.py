@@ -140,7 +140,7 @@ def test_reading_loads_no_science(tmp_path: Path) -> None:
 
 def test_unknown_command_suggests_the_near_one() -> None:
     """A slip of the finger is one line with the right name."""
-    assert is_one_line(call("histroy", "elbow"), "histroy", "Did you mean 'history'? See lostmotion --help")
+    assert is_one_line(call("histroy", "elbow"), "histroy", "did you mean history? See lostmotion --help")
 
 
 @pytest.mark.parametrize(

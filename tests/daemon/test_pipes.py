@@ -64,7 +64,8 @@ def test_a_recorder_ends_with_its_reader(tmp_path: Path) -> None:
     config.write_text(SIMULATED)
     command = [*PROGRAM, "record", "--config", str(config), "--duration", "1", "-o", "-"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert process.stdout and process.stderr
+    assert process.stdout
+    assert process.stderr
     process.stdout.close()
     assert process.wait(120) == 141
     assert b"cannot be written" not in process.stderr.read()
