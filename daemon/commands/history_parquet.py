@@ -5,7 +5,6 @@ Needs pyarrow, which comes with ``lostmotion[parquet]`` and is imported only her
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,8 @@ from lostmotion.daemon.commands import output
 from lostmotion.daemon.migrations import ADDED
 from lostmotion.daemon.reader import Bounds, Reader
 from lostmotion.drivers.formats.needed import needed
-from lostmotion.drivers.pipes import STANDARD, to_output
+from lostmotion.drivers.pipes import STANDARD
+from lostmotion.drivers.recording import replaced
 
 if TYPE_CHECKING:
     from pyarrow import Schema
@@ -28,12 +28,11 @@ ROW_GROUP = 50_000
 def write(reader: Reader, joint: str, bounds: Bounds, path: Path) -> None:
     """Writes a row for each score, oldest first, unknown as null; SI units, times in UTC.
 
-    Raises RecordingError, OutputError.
+    An earlier file is replaced once all is written.  Raises RecordingError.
     """
     pa, parquet = needed("pyarrow", "--parquet"), needed("pyarrow.parquet", "--parquet")
     schema, count = _schema(reader.robot(), joint), 0
-    place = to_output() if path == STANDARD else nullcontext(path)
-    with output.writing(path), place as file, parquet.ParquetWriter(file, schema, compression="zstd") as writer:
+    with replaced(path) as file, parquet.ParquetWriter(file, schema, compression="zstd") as writer:
         for rows in reader.batches(joint, bounds, ROW_GROUP):
             time_us, duration_us, score, level, impact, *others = zip(*rows, strict=True)
             numbers = dict(zip((*NUMBERS, "quality", *ADDED), others, strict=True))

@@ -66,7 +66,12 @@ def write_new(path: Path, text: str, *advice: str) -> None:
         raise OutputError("-o: found -, expected the name of a file: what it gets is printed in any case")
     refuse_existing(path, *advice)
     with writing(path), path.open("x", encoding="utf-8") as file:
-        file.write(text)
+        try:
+            file.write(text)
+            file.flush()
+        except OSError:
+            path.unlink()  # a part of a file would be in the way of the next try
+            raise
 
 
 def print_json(document: Any) -> None:

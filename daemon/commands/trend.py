@@ -129,8 +129,7 @@ def trend(
     if png:
         from lostmotion.daemon.commands.trend_picture import draw
 
-        with output.writing(png):
-            draw(history, png)
+        draw(history, png)
     if as_json:
         output.print_json(document(history_of(joint, series, config, asked, level, RADIANS)))
         return

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lostmotion.daemon.commands.trend import DAY, History
 from lostmotion.detector.trend import Slope
 from lostmotion.detector.window import FloatArray
+from lostmotion.drivers.recording import replaced
 
 __all__ = ["draw"]
 
@@ -22,7 +23,7 @@ SMOOTH, IMPACT, LINE, LEVEL = "#8fa3b3", "#d98b5f", "#1f4e79", "#b3261e"
 
 
 def draw(history: History, path: Path) -> None:
-    """Writes the picture, in the form that the suffix names.  Raises OSError."""
+    """Writes the picture, in the form that the suffix names.  Raises RecordingError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -33,7 +34,8 @@ def draw(history: History, path: Path) -> None:
     _trend(axes, history)
     _finish(axes, history)
     figure.legend(loc="outside lower center", ncols=4, fontsize="small", frameon=False, markerscale=2.5)
-    figure.savefig(path)
+    with replaced(path) as part:
+        figure.savefig(part, format=path.suffix.removeprefix(".").lower())
 
 
 def _scores(axes: Axes, history: History) -> None:

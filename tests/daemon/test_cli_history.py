@@ -37,6 +37,7 @@ from lostmotion.daemon.timekeeper import ClockRow
 from lostmotion.daemon.times import TimeError, ago, parse, span
 from tests.daemon.cli_world import HARDWARE, SIMULATED, START, call, fill, is_one_line, shown
 from tests.daemon.conftest import wait_until
+from tests.drivers.test_recorder import room_for
 
 
 @pytest.fixture(scope="module")
@@ -501,6 +502,30 @@ def test_the_level_of_a_picture_is_rounded_as_in_the_terminal(database: Path, tm
     with matplotlib.rc_context({"svg.fonttype": "none"}):
         assert call("trend", "elbow", "--database", database, "--png", picture).exit_code == 0
     assert re.findall(r"level [\d.]+", picture.read_text()) == ["level 60.16"]
+
+
+@pytest.mark.parametrize("words", [("trend", "elbow", "--png"), ("history", "elbow", "--parquet")])
+def test_a_full_disk_leaves_the_earlier_file(database: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
+    """What cannot be written whole is not there at all, and what it was to replace still is."""
+    path = tmp_path / "out" / "wear.png"
+    path.parent.mkdir()
+    call(*words, path, "--database", database)
+    earlier = path.read_bytes()
+    with room_for(100):
+        result = call(*words, path, "--database", database)
+    assert is_one_line(result, f"{path}: cannot be written: File too large"), result.stderr
+    assert [*path.parent.iterdir()] == [path]
+    assert path.read_bytes() == earlier
+
+
+def test_a_full_disk_leaves_no_empty_file(tmp_path: Path) -> None:
+    """A new file of lines would be in the way of the next try."""
+    path = tmp_path / "bar.toml"
+    words = ("calibrate", "bar", "--diameter", "3mm", "--length", "90mm", "-o", path)
+    with room_for(10):
+        assert is_one_line(call(*words), f"{path}: cannot be written: File too large")
+    assert not path.exists()
+    assert call(*words).exit_code == 0
 
 
 def test_trend_picture_in_other_forms(database: Path, tmp_path: Path) -> None:
