@@ -137,16 +137,16 @@ def with_other_delays(model: Model, task: Task, only: str = "") -> Iterator[tupl
 
 def delays(effect: str) -> bool:
     """Whether an effect makes the reading come later."""
-    return bool(get_effect(effect).delays_by or get_effect(effect).delay_rate)
+    return bool(get_effect(effect).delays_by)
 
 
 def _delay_parameter(effect: str, task: Task) -> tuple[str, float]:
     """The full name of the parameter by which an effect delays the reading, and the mean delay for each unit of it
     [s]."""
-    known = get_effect(effect)
-    middle_s = float(np.mean([np.mean(one.time) - one.clock_zero for one in task.experiments]))
-    name, unit_s = (known.delays_by, 1.0) if known.delays_by else (known.delay_rate, middle_s)
-    return f"{effect}.{name}", unit_s
+    name = get_effect(effect).delays_by
+    if get_effect(effect).parameters[name].unit == "s":
+        return f"{effect}.{name}", 1.0
+    return f"{effect}.{name}", float(np.mean([np.mean(one.time) - one.clock_zero for one in task.experiments]))
 
 
 def _restarted(trial: Trial, task: Task, pool: Executor) -> list[Trial]:

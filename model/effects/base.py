@@ -80,57 +80,65 @@ class EffectInfo:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Effect(EffectInfo):
-    """An effect with its physics.
+    """An effect with its physics, and what a search for missing effects needs to know of it.
 
-    terms: by base, in any order; their parameters are names of this effect's own, or else of the base's.
-    states: for each state of its own, the signal whose value it begins with, or None for zero; a state that takes a
-    signal's place begins where that stood *without* this effect.  free_states: whether they begin anywhere in a motion
-    that no input drives, so that only their initial values set its amplitudes.  distance: of states that follow from
-    the joint's motion alone, as those of a hysteresis do, the shortest way over which they change [rad].  is_searched:
-    whether a search for what is missing tries it.  rate: the fastest rate [rad/s] of the effect for its own and the
-    base's values, apart from a change of sign with the speed; sign_width: the speed within which that is smoothed, for
-    these values and the signal of the base's speed, 0 where its sign does not change.  delay [s] shifts the input,
-    clock_rate stretches the sensor's time stamps; both are plain functions of the effect's values, outside the kernels.
-    defaults: other values of the parameters on one base.
-    is_apt: whether values of its parameters, and of the base's, fit its name: a Stribeck friction is largest near rest.
-
-    For a search: amplitudes: parameters without which it vanishes; guesses: values from which it may begin in a motion
-    of these scales; restarts: from the values of a fit, its own and the base's, those from which a fit is begun again,
-    as it may have ended in another minimum; barely: values with which it hardly acts, one for each shape, where it has
-    no amplitude; simpler: the effect that is a part of it; rivals: effects that together may look like it, some of them
-    not searched: it has to predict better than they do; likelier, odds: another effect of its kind, which so many
-    times as many machines have; speed_power: the power of the speed to which a damping is proportional; most_turns: a
-    motion of more turns cannot have it; delays_by: its parameter T [s] where to first order it makes the reading come
-    later by T; delay_rate: its parameter s where to first order it makes the reading come later by s times the time
-    since the sensor's clock was set; rests_by: the parameter, of its own or of the base, by which the place where a
-    torque pulls the joint to is fitted. words: its description for a person.
+    Functions get the values of its parameters and of the base's, by their names in both.
     """
 
     terms: Mapping[str, tuple[Term, ...]] = field(default_factory=dict)
+    """By base, what it adds to signals, in any order.  Names of parameters are its own, or else the base's."""
     states: tuple[int | None, ...] = ()
+    """For each state of its own, the signal whose value it begins with, None for zero.  A state that takes the place of
+    a signal begins where that stands without this effect."""
     free_states: bool = False
+    """Whether these begin anywhere in a motion that no input drives, so that their initial values are its
+    amplitudes."""
     distance: Callable[[Mapping[str, float]], float] | None = None
-    is_searched: bool = True
-    rate: Callable[[Mapping[str, float], Operating], float] | None = None
-    sign_width: Callable[[Mapping[str, float], int], float] | None = None
-    delay: Callable[[Mapping[str, float]], float] | None = None
-    clock_rate: Callable[[Mapping[str, float]], float] | None = None
+    """For states that follow from the motion of the joint alone, as those of a hysteresis do: the shortest way over
+    which they change [rad]."""
     defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
+    """By base, the parameters that are not there as in ``parameters``."""
+    rate: Callable[[Mapping[str, float], Operating], float] | None = None
+    """The fastest rate that it brings into the motion [rad/s], apart from a change of sign with the speed."""
+    sign_width: Callable[[Mapping[str, float], int], float] | None = None
+    """The speed within which its change of sign with the speed is smoothed, 0 where there is none; int: the signal of
+    the base's speed."""
+    delay: Callable[[Mapping[str, float]], float] | None = None
+    """The time by which it shifts the input [s]."""
+    clock_rate: Callable[[Mapping[str, float]], float] | None = None
+    """The rate of the sensor's clock, by which it stretches the time stamps of the readings."""
     is_apt: Callable[[Mapping[str, float]], bool] = lambda values: True
+    """Whether these values agree with its definition: a Stribeck friction is largest near rest."""
+    is_searched: bool = True
+    """Whether a search tries it."""
     amplitudes: tuple[str, ...] = ()
+    """The parameters without which it vanishes."""
     guesses: Guesses = no_guesses
+    """Initial values of a fit, in a motion of these scales."""
     restarts: Callable[[Mapping[str, float]], Sequence[Values]] = lambda values: ()
+    """Initial values of further fits, from the values of a fit, which may have ended in another minimum."""
     barely: Guesses = no_guesses
+    """For an effect without an amplitude, values with which it hardly acts, one for each of its shapes."""
     simpler: Simpler | None = None
+    """The effect that is a part of it."""
     rivals: tuple[str, ...] = ()
+    """Effects that together may look like it; some of them are not searched.  It is named only if it predicts
+    better."""
     likelier: str = ""
+    """Another effect of its kind, which ``odds`` times as many machines have."""
     odds: float = 1.0
+    """See ``likelier``."""
     speed_power: int | None = None
+    """The power of the speed to which it is proportional, if it is a damping."""
     most_turns: float = math.inf
+    """The number of turns of a motion above which it is no candidate."""
     delays_by: str = ""
-    delay_rate: str = ""
+    """The parameter by which it makes the reading come later, to first order: by its value, if that is a time T [s]; by
+    its value times the time since the sensor's clock was set, if that has no unit, as a skew."""
     rests_by: str = ""
+    """For a restoring torque the parameter, its own or the base's, that determines the angle at which it vanishes."""
     words: Words | None = None
+    """Its description for a person."""
 
     @property
     def amplitude_names(self) -> tuple[str, ...]:

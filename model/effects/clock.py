@@ -37,7 +37,7 @@ CLOCK_SKEW = Effect(
     clock_rate=lambda values: 1 + values["s"],
     amplitudes=("s",),
     guesses=lambda scales: grid(s=(-1e-3, 1e-3)),
-    delay_rate="s",
+    delays_by="s",
     words=Words(
         "a sensor clock that is off",
         "The accelerometer's clock runs fast, by {s.percent}.",
