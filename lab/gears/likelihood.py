@@ -128,7 +128,7 @@ class ShortSegments:
         """Always."""
         return True
 
-    def opposed(self, now: SegmentFit) -> Sequence[str]:
+    def damping_pair(self, now: SegmentFit) -> Sequence[str]:
         """None, as gears are driven."""
         return ()
 

@@ -35,9 +35,9 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "SHORT",
-    "by_acceleration",
     "candidates",
-    "fitted_by_acceleration",
+    "equation_error_fit",
+    "equation_error_fit_with",
     "fitted_with",
     "refined",
     "resolved",
@@ -59,7 +59,7 @@ three poles, which are equal on the way from three real ones to a pair that swin
 1.3 times the noise, and a delay was named in the place of the lag.  Of 300 fits to simulated servos 11 take more."""
 
 
-def by_acceleration(model: Model, signals: Sequence[Signals]) -> Regression | None:
+def equation_error_fit(model: Model, signals: Sequence[Signals]) -> Regression | None:
     """The fit of the model that minimises the equation error; None where the acceleration does not follow from the
     measured motion."""
     error = EquationError.driven(signals)
@@ -151,15 +151,14 @@ def fitted_with(
     return min(apt, key=lambda one: one.rms, default=None)
 
 
-def fitted_by_acceleration(wide: tuple[str, Model], inverse: Regression) -> Regression | None:
-    """The fit of a model with one more effect to the acceleration; None where the acceleration does not follow from the
-    measured motion.  wide: the effect, and the model with it; inverse: the fit of the present model to the
-    acceleration."""
+def equation_error_fit_with(wide: tuple[str, Model], now: Regression) -> Regression | None:
+    """The fit of a model with one more effect that minimises the equation error; None where the acceleration does not
+    follow from the measured motion.  wide: the effect, and the model with it; now: that fit of the present model."""
     name, model = wide
     if not _follow_motion(model):
         return None
-    begun = with_values(softened(model, inverse.data.signals), inverse.model)
-    return _fitted_from_guesses(name, begun, inverse)
+    begun = with_values(softened(model, now.data.signals), now.model)
+    return _fitted_from_guesses(name, begun, now)
 
 
 def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression | None:

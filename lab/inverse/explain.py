@@ -101,10 +101,10 @@ def _searched(
     if channel.delay_s and not is_over():
         undelayed = replace(channel, delay_s=0.0)
         other = selected(less := likelihood(undelayed), progress)
-        one, two = other.fits[-1].judged, found.fits[-1].judged
+        one, two = other.fits[-1].generalised, found.fits[-1].generalised
         if Predictions(two.predicted**2, one.predicted**2, one.block).is_better():
             channel, own, found = undelayed, less, other
-    if is_disturbed(found.fits[-1].inverse):
+    if is_disturbed(found.fits[-1].ordinary):
         white = likelihood(channel, is_whitened=True)
         other = selected(white, progress, found)
         on_last = white.on_last(other.fits[-1], found.fits[-1])
@@ -154,11 +154,11 @@ def _explanation(
             selection,
             errors,
             lambda one: _error(one, unseen, errors[0]),
-            lambda one: _estimates(one.judged, floors[column]),
+            lambda one: _estimates(one.generalised, floors[column]),
             _estimates(best, floors[column]),
         ),
         error=error,
-        residual=None if complete else described(selection.fits[-1].inverse),
+        residual=None if complete else described(selection.fits[-1].ordinary),
         advice=advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if complete and not share else {},
         base=_fit(base, model, floors, unseen),
@@ -197,7 +197,7 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     channel.warn(experiments[0].name)
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
-    fit = WholeMotion(method, from_spectra(model, experiments), signals).first.judged
+    fit = WholeMotion(method, from_spectra(model, experiments), signals).first.generalised
     return replace(channel.annotated(_fit(fit, model, _floors(noise, fit))), held=held)
 
 
@@ -209,14 +209,14 @@ def _error(one: Candidate[Fitted], unseen: Signals, before: float) -> float:
     """
     if one.gain <= 0:
         return before
-    return before * math.sqrt(1 - one.gain) if is_over() else error_on(one.fit.judged, unseen)
+    return before * math.sqrt(1 - one.gain) if is_over() else error_on(one.fit.generalised, unseen)
 
 
 def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
     """By effect, the name of its first amplitude and the size at which it would be significant with probability 1/2."""
     sizes = {}
     for one in step.judged:
-        fit = one.fit.judged
+        fit = one.fit.generalised
         names = amplitudes(one.effect, fit)
         if not names:
             continue

@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from lostmotion.lab.inverse.candidates import by_acceleration, tried, with_values
+from lostmotion.lab.inverse.candidates import equation_error_fit, tried, with_values
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
@@ -34,7 +34,7 @@ def first_fits(model: Model, signals: Sequence[Signals]) -> list[Regression]:
 def _starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
     """The model as it is, and with the values of its fit to the acceleration."""
     model = simulable(model, signals)
-    found = by_acceleration(model, signals)
+    found = equation_error_fit(model, signals)
     return [model, with_values(model, found.model)] if found else [model]
 
 

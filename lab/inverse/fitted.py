@@ -25,16 +25,15 @@ __all__ = ["Fitted", "error_on", "fit_on", "is_disturbed", "is_noise"]
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A model of the search with its fits.
+    """A model of the search with its fits."""
 
-    inverse: the least-squares fit by which candidates are selected; judged: the fit that predicts unseen samples.  This
-    is a generalised least-squares fit where the misfit of a torque is whitened, else ``inverse``; by_acceleration: see
-    ``screened``.
-    """
-
-    inverse: Regression
-    judged: Regression
-    by_acceleration: float | None = None
+    ordinary: Regression
+    """The least-squares fit, by which candidates are proposed."""
+    generalised: Regression
+    """The fit that predicts unseen samples: the generalised least-squares fit where the misfit of a torque is whitened,
+    else the ordinary one."""
+    screened_rms: float | None = None
+    """See ``screened``; None for the error of the ordinary fit."""
 
     @property
     def surest(self) -> Regression:
@@ -44,31 +43,31 @@ class Fitted:
         band (Hausman, Econometrica 46, 1978, 1251-1271), and least squares approximate what is measured best: 419 N of
         dry friction in a damper left 314 N of a recording, and 164 N by generalised least squares left 358 N.  The
         other way round, where neighbours move a joint, none of 32 pairs of fits disagree."""
-        if self.judged is self.inverse or disagree(self.inverse, self.judged):
-            return self.inverse
-        return min(self.inverse, self.judged, key=uncertainty)
+        if self.generalised is self.ordinary or disagree(self.ordinary, self.generalised):
+            return self.ordinary
+        return min(self.ordinary, self.generalised, key=uncertainty)
 
     @property
     def model(self) -> Model:
         """The model of the fit for predictions."""
-        return self.judged.model
+        return self.generalised.model
 
     @property
     def rms(self) -> float:
         """Root mean square error of the fit for predictions."""
-        return self.judged.rms
+        return self.generalised.rms
 
     @property
     def screened(self) -> float:
         """Root mean square error of the fit to select candidates with.  For a candidate of a free motion this is the
         error of the present model times the ratio of their errors of the acceleration, as a swing with its weight but
         without its damping is out of phase."""
-        return self.inverse.rms if self.by_acceleration is None else self.by_acceleration
+        return self.ordinary.rms if self.screened_rms is None else self.screened_rms
 
     @property
     def count(self) -> int:
         """The number of fitted parameters; the initial values of a mode count."""
-        return self.judged.count + self.judged.nuisance.size
+        return self.generalised.count + self.generalised.nuisance.size
 
 
 def error_on(fit: Regression, unseen: Signals) -> float:

@@ -25,9 +25,9 @@ from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.candidates import (
     SHORT,
-    by_acceleration,
     candidates,
-    fitted_by_acceleration,
+    equation_error_fit,
+    equation_error_fit_with,
     fitted_with,
     refined,
     resolved,
@@ -43,7 +43,7 @@ from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, softened
 from lostmotion.lab.parallel import each, fair_share
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.selection.nesting import around, without
+from lostmotion.lab.selection.nesting import damping_pair, without
 from lostmotion.lab.selection.search import Proposals
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
@@ -122,10 +122,10 @@ class WholeMotion:
             return Fitted(best, best)
         return self._fitted(_with_load(softened(self.model, self.signals), self.signals))
 
-    def opposed(self, now: Fitted) -> Sequence[str]:
-        """The effects of ``nesting.around`` for a motion that dies away; none for a motion that an input drives, which
-        distinguishes them."""
-        return () if self.is_driven else around(now.model)
+    def damping_pair(self, now: Fitted) -> Sequence[str]:
+        """That of ``nesting.damping_pair`` for a motion that dies away; none for a motion that an input drives, which
+        distinguishes the two."""
+        return () if self.is_driven else damping_pair(now.model)
 
     def proposals(self, now: Fitted, added: tuple[str, ...], only: Sequence[str] = ()) -> Iterator[Proposals[Fitted]]:
         """Fits with each of the candidates in one batch, as far as the time allows.
@@ -133,34 +133,34 @@ class WholeMotion:
         Fits to a simulated motion are made in the order of the errors of their fits to the acceleration, which need no
         simulation.  They take a few steps; the best of them are continued to the end.
         """
-        known = candidates(now.inverse.model, added, now.inverse.data)
+        known = candidates(now.ordinary.model, added, now.ordinary.data)
         wide = [one for one in known if (one[0] in only if only else get_effect(one[0]).is_searched)]
         with within(policy.STAGE_SHARE * remaining_s()):
-            begun, screened = self._by_acceleration(wide, now) if self.method is Method.MOTION else ({}, {})
+            begun, screened = self._by_equation_error(wide, now) if self.method is Method.MOTION else ({}, {})
             wide.sort(key=lambda one: fit.rms if (fit := begun.get(one[0])) else math.inf)
             share = fair_share(self.pool, len(wide))
-            fitted = partial(_fitted_in_time, now=now.inverse, begun=begun, rough=self.model, share=share)
+            fitted = partial(_fitted_in_time, now=now.ordinary, begun=begun, rough=self.model, share=share)
             tried = each(self.pool, fitted, wide)
             failed = () if is_over() else tuple(name for (name, _), fit in tried if fit is None)
             fits = [(name, fit) for (name, _), fit in tried if fit]
             fits = self._finished(fits, now) if self.method is Method.MOTION else fits
         judged = each(self.pool, lambda one: self._fitted(one[1]), fits, first=1)
-        found = [(name, replace(fit, by_acceleration=screened.get(name))) for (name, _), fit in judged]
+        found = [(name, replace(fit, screened_rms=screened.get(name))) for (name, _), fit in judged]
         done = {*(effect for effect, _ in found), *failed}
         yield Proposals(found, tuple(name for name, _ in wide if name not in done), failed)
 
-    def _by_acceleration(
+    def _by_equation_error(
         self, wide: Sequence[tuple[str, Model]], now: Fitted
     ) -> tuple[dict[str, Regression], dict[str, float]]:
         """The fits of the candidates to the acceleration, by name, where it follows from the measured motion; and for a
         free motion what ``Fitted.screened`` is."""
-        inverse = by_acceleration(now.model, now.inverse.data.signals)
-        if not inverse:
+        present = equation_error_fit(now.model, now.ordinary.data.signals)
+        if not present:
             return {}, {}
-        tried = each(self.pool, partial(fitted_by_acceleration, inverse=inverse), wide)
+        tried = each(self.pool, partial(equation_error_fit_with, now=present), wide)
         begun = {name: fit for (name, _), fit in tried if fit}
-        is_known = not self.is_driven and inverse.rms > 0
-        return begun, {name: now.rms * fit.rms / inverse.rms for name, fit in begun.items()} if is_known else {}
+        is_known = not self.is_driven and present.rms > 0
+        return begun, {name: now.rms * fit.rms / present.rms for name, fit in begun.items()} if is_known else {}
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
         """The fits of a few steps, best first; those that take enough of the error for a name already are continued to
@@ -174,13 +174,13 @@ class WholeMotion:
         """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with
         the transmitted torque that the model needs with it."""
         if self.method is Method.MOTION:
-            judged = resolved(fit.judged)
-            return Fitted(judged, judged)
-        return self._fitted(_with_load(fit.model, self.signals, fit.inverse.nuisance))
+            found = resolved(fit.generalised)
+            return Fitted(found, found)
+        return self._fitted(_with_load(fit.model, self.signals, fit.ordinary.nuisance))
 
     def refitted(self, model: Model, fit: Fitted) -> Fitted:
         """The fit of a model with less than another one, from its values."""
-        data, nuisance = fit.inverse.data, fit.inverse.nuisance
+        data, nuisance = fit.ordinary.data, fit.ordinary.nuisance
         if not isinstance(data, OutputError):
             return self._fitted(_with_load(model, self.signals, nuisance))
         gone = (get_effect(name) for name in fit.model.effects if name not in model.effects)
@@ -190,9 +190,9 @@ class WholeMotion:
         less = regressed(model, data, nuisance, SHORT)
         return self._fitted(less if less.rms > policy.BEHIND * fit.rms else refined(less))
 
-    def _fitted(self, inverse: Regression) -> Fitted:
-        """The model with its fit for predictions; inverse: the fit by which it was selected."""
-        return Fitted(inverse, generalised(inverse) if self.is_whitened else inverse)
+    def _fitted(self, ordinary: Regression) -> Fitted:
+        """The least-squares fit of a model with its fit for predictions."""
+        return Fitted(ordinary, generalised(ordinary) if self.is_whitened else ordinary)
 
     def predictions(self, one: Fitted, other: Fitted, *, of_all: bool = False, is_last: bool = False) -> Predictions:
         """The squared cross-validated errors of two fits in blocks of the residual of ``other``, and those on the
@@ -202,17 +202,17 @@ class WholeMotion:
         motion cannot be simulated gains nothing.  is_last: in the blocks of ``Regression.interval``, as disturbances of
         a motion may last.  In a search they would be too few: what the effects that are not yet found leave lasts, too.
         """
-        white = other.judged.data.whitened
-        block = other.judged.blocks(is_last and exceeds_noise(other.judged))
+        white = other.generalised.data.whitened
+        block = other.generalised.blocks(is_last and exceeds_noise(other.generalised))
         folds = Predictions(
-            _of_new(one.judged, block) * white(one.judged.predicted) ** 2,
-            _of_new(other.judged, block) * white(other.judged.predicted) ** 2,
+            _of_new(one.generalised, block) * white(one.generalised.predicted) ** 2,
+            _of_new(other.generalised, block) * white(other.generalised.predicted) ** 2,
             block,
-            chance_of_zero(one.model, other.judged) if self.is_whitened else None,
+            chance_of_zero(one.model, other.generalised) if self.is_whitened else None,
         )  # fmt: skip
         if self.unseen is None or not (self.is_fold or of_all):
             return folds
-        less, there = fit_on(one.judged, self.unseen), fit_on(other.judged, self.unseen)
+        less, there = fit_on(one.generalised, self.unseen), fit_on(other.generalised, self.unseen)
         if less is None and of_all:
             return replace(folds, before=np.full(folds.before.size, np.inf))
         if less is None or there is None:
@@ -233,7 +233,7 @@ class WholeMotion:
         """
         if self.unseen is None:
             return None
-        less, there = fit_on(one.inverse, self.unseen), fit_on(other.inverse, self.unseen)
+        less, there = fit_on(one.ordinary, self.unseen), fit_on(other.ordinary, self.unseen)
         return _compared(less, there) if less and there else None
 
     def least_gain(self, fit: Fitted, now: Fitted) -> float:
@@ -243,18 +243,18 @@ class WholeMotion:
         A torque that has this share itself, but takes less beside another one that resembles it, only needs to take
         more than it leaves.  Dry friction of 2 % of the voltage of a motor's back EMF took 70 % of what was left beside
         it, but 5e-5 of the first model's squared error."""
-        data = now.judged.data
+        data = now.generalised.data
         if isinstance(data, OutputError):
             return 1.0 if now.rms < data.accuracy else policy.LEAST_GAIN
         least = policy.LEAST_SHARE * (self.first.rms / max(now.rms, 1e-300)) ** 2
         if least > (most := 1 / 2):
-            share = (_added(fit.inverse, now.model) / max(self.first.inverse.error, 1e-300)) ** 2
+            share = (_added(fit.ordinary, now.model) / max(self.first.ordinary.error, 1e-300)) ** 2
             least = most if share > policy.LEAST_SHARE else least
         return max(policy.LEAST_GAIN, least)
 
     def is_sized(self, effect: str, fit: Fitted) -> bool:
         """Whether the size of an effect differs from zero; see ``effect_sizes.is_sized``."""
-        return is_sized(effect, fit.judged)
+        return is_sized(effect, fit.generalised)
 
 
 def _added(fit: Regression, fewer: Model) -> float:

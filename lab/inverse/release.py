@@ -31,12 +31,12 @@ from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import coasts, is_onward
 from lostmotion.lab.inverse.signals import (
+    CUTOFF,
     EDGE,
     FASTEST,
     LEAST_SAMPLES,
     PER_PERIOD,
     REGRESSORS,
-    WHOLE,
     Signals,
     is_moving,
 )
@@ -293,7 +293,7 @@ def _limited(experiment: Experiment) -> Experiment:
     if values is None or len(experiment.measured) > 1 or experiment.is_driven or clipping_level([experiment]):
         return experiment
     lines = spectral_lines(values, rate)
-    cutoff = WHOLE * lines[0] if lines else np.inf
+    cutoff = CUTOFF * lines[0] if lines else np.inf
     beyond = [line for line in lines if line > cutoff]
     if len(beyond) < MODES or cutoff > FASTEST * rate:
         return experiment
@@ -304,5 +304,5 @@ def _limited(experiment: Experiment) -> Experiment:
     seen = ~np.isnan(values)
     time = np.arange(experiment.time[seen][0], experiment.time[seen][-1], 1 / rate)
     smooth = lowpass(np.interp(time, experiment.time[seen], values[seen]), cutoff / rate)
-    kept = slice(round(EDGE * rate / cutoff), None, max(int(rate / cutoff / (WHOLE * PER_PERIOD)), 1))
+    kept = slice(round(EDGE * rate / cutoff), None, max(int(rate / cutoff / (CUTOFF * PER_PERIOD)), 1))
     return replace(experiment, time=time[kept], measured={ACCEL: smooth[kept]})

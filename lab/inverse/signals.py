@@ -27,7 +27,7 @@ __all__ = ["COLUMNS", "LEAST_SAMPLES", "Signals", "is_moving"]
 FASTEST = 0.2
 """Highest end of a band, as a share of the sampling rate: the second derivative of the spline is accurate to 1 %
 there."""
-WHOLE = 2.0
+CUTOFF = 2.0
 """Cutoff of the filter that smooths the motion, times the end of the band: its gain at the end of the band is 99.6 %.
 Dry friction needs the true speed; with a cutoff at the end of the band, a fast sine near it reduced a damper's friction
 from 50 N to 23 N."""
@@ -117,7 +117,7 @@ class Signals:
         band = min(band, max(most_hz, SLOWEST / (time.size * step)))
         if is_disturbed:
             band = min(max(band, SLOWEST_DISTURBED / (time.size * step)), FASTEST / step)
-        whole = min(WHOLE * band, FASTEST / step)
+        whole = min(CUTOFF * band, FASTEST / step)
         smooth = lowpass(position, whole * step)
         spline = make_interp_spline(time, smooth, k=SPLINE)
         velocity, acceleration = (np.asarray(spline.derivative(order)(time)) for order in (1, 2))

@@ -41,17 +41,23 @@ __all__ = [
 
 
 class Fit(Protocol):
-    """A model fitted by one of the likelihoods; rms: its error on the data of the fit; screened: the same where other
-    data propose candidates; count: the number of fitted parameters."""
+    """A model fitted by one of the likelihoods."""
 
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model:
+        """The model with its fitted values."""
+
     @property
-    def rms(self) -> float: ...
+    def rms(self) -> float:
+        """Root mean square error, by which fits of one model are compared."""
+
     @property
-    def screened(self) -> float: ...
+    def screened(self) -> float:
+        """Root mean square error of the data by which candidates are proposed."""
+
     @property
-    def count(self) -> int: ...
+    def count(self) -> int:
+        """The number of fitted parameters."""
 
 
 F = TypeVar("F", bound=Fit)
@@ -59,13 +65,16 @@ F = TypeVar("F", bound=Fit)
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Squared errors of two fits at unseen samples, before and after (M,) each, and the block of each sample (M,);
-    of_zero: the p-value of the effects of the second fit being zero, where its errors are known well enough for it."""
+    """The squared errors of two fits at M unseen samples."""
 
     before: FloatArray
+    """Of the first fit (M,)."""
     after: FloatArray
+    """Of the second fit (M,)."""
     block: NDArray[np.intp]
+    """The number of the block of each sample (M,)."""
     of_zero: float | None = None
+    """The p-value of the effects of the second fit being zero (Wald's test), where it takes the place of the t-test."""
 
     @property
     def reverse(self) -> Predictions:
@@ -101,18 +110,21 @@ class Predictions:
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Generic[F]):
-    """A fit with one more effect: the share of the squared error of unseen samples that it takes, the p-value for all
-    candidates of the step, the number of blocks, whether it is identified: the interval of its size excludes zero, and
-    the estimates agree with its definition (asked only where the gain is worth a name); and the gain that is worth one.
-    """
+    """A fit with one more effect, and how it predicts."""
 
     effect: str
     fit: F
     gain: float
+    """The share of the squared error of unseen samples that it takes."""
     p_value: float
+    """Of its gain being chance, for all candidates of the step together."""
     blocks: int
+    """The number of independent blocks of unseen samples."""
     is_identified: bool = True
+    """Whether the interval of its size excludes zero, and its estimates agree with its definition; True where the gain
+    is too small for a name in any case."""
     least_gain: float = policy.LEAST_GAIN
+    """The gain from which on it may be named."""
 
     @property
     def is_significant(self) -> bool:

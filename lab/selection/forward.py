@@ -156,7 +156,7 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     A pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Its first effect
     is the one that explains most of what proposes candidates, of equals one that ``_is_preferred``: gravity without
     damping is out of phase after some swings, and predicts nothing.  Where none explains more than the present fit, it
-    is the best one that only takes too little to be named.  Another pair is that of ``opposed``.  Where neither is
+    is the best one that only takes too little to be named.  Another pair is the ``damping_pair``.  Where neither is
     significant, a pair begins with the ``begin`` of the step.
     """
     alone = {one.effect: one for one in step_alone.judged}
@@ -168,8 +168,8 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     if promising and likelihood.tries_pairs(added):
         leading = min(promising, key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.screened))
         tries.append((leading, ()))
-    if alone.keys() >= {*(opposed := likelihood.opposed(now))} and opposed:
-        tries.append((alone[opposed[0]], opposed[1:]))
+    if (dampings := likelihood.damping_pair(now)) and alone.keys() >= {*dampings}:
+        tries.append((alone[dampings[0]], dampings[1:]))
     found = [pair for one in tries if (pair := _pair_from(*one, step_alone, now, added, likelihood))]
     if step_alone.begin and not found:
         effect, fit = step_alone.begin

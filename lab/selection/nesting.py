@@ -10,8 +10,8 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Simpler
 
 __all__ = [
-    "around",
     "contained",
+    "damping_pair",
     "in_place",
     "merged",
     "others",
@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 
-def around(model: Model) -> tuple[str, ...]:
+def damping_pair(model: Model) -> tuple[str, ...]:
     """The two effects proportional to the next lower and the next higher power of the speed than a damping of the
     model; () where it has none, or one of them already.  Together they damp a swing as that does, so that neither
     explains anything beside it."""

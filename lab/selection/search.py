@@ -17,31 +17,35 @@ F = TypeVar("F", bound=Fit)
 
 @dataclass(frozen=True, eq=False)
 class Proposals(Generic[F]):
-    """Fits with one more effect each; untried: effects that were not fitted because the time was up; rejected: those
-    that the data of the fit do not show, which count as tried; detectable: the size at which they would have, with the
-    parameter's name; begin: an effect with which a pair may begin, and a fit with it, where the fits follow too little
-    to show which."""
+    """The candidates of a step."""
 
     fits: Sequence[tuple[str, F]]
+    """Fits with one more effect each, with the name of that."""
     untried: tuple[str, ...] = ()
+    """The effects that were not fitted as the time was up."""
     rejected: tuple[str, ...] = ()
+    """The effects that the data of the fit do not show.  They count as tried."""
     detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    """By effect, the name of a parameter and its value from which on these data would have shown the effect."""
     begin: tuple[str, F] | None = None
+    """An effect, and a fit with it, with which a pair may begin where no fit follows the data well enough to choose."""
 
 
 class Likelihood(Protocol[F]):
-    """What the search needs: fits, and predictions of samples that they have not seen.
-
-    pool: for predictions, in parallel; turns: of the motion;
-    is_held_out: whether the predicted samples are of recordings that no fit has used, not of folds.
-    """
+    """What the search needs: fits, and predictions of samples that they have not seen."""
 
     @property
-    def pool(self) -> Executor | None: ...
+    def pool(self) -> Executor | None:
+        """For predictions, in parallel."""
+
     @property
-    def turns(self) -> float: ...
+    def turns(self) -> float:
+        """The number of turns of the motion."""
+
     @property
-    def is_held_out(self) -> bool: ...
+    def is_held_out(self) -> bool:
+        """Whether the predicted samples are of recordings that no fit has used, not of folds."""
+
     @property
     def first(self) -> F:
         """The fit of the model as it is."""
@@ -53,8 +57,9 @@ class Likelihood(Protocol[F]):
     def tries_pairs(self, added: tuple[str, ...]) -> bool:
         """Whether a pair is tried where no single effect is accepted."""
 
-    def opposed(self, now: F) -> Sequence[str]:
-        """Two effects that are tried as a pair, () for none: see ``nesting.around``."""
+    def damping_pair(self, now: F) -> Sequence[str]:
+        """Two effects that are tried as a pair wherever neither is accepted alone, () for none: see
+        ``nesting.damping_pair``."""
 
     def accepted(self, fit: F, now: F) -> F:
         """The fit with an effect that was accepted, from which the search goes on."""
@@ -63,8 +68,9 @@ class Likelihood(Protocol[F]):
         """The fit of a model with less than that of a fit, from its values."""
 
     def predictions(self, one: F, other: F, *, of_all: bool = False, is_last: bool = False) -> Predictions:
-        """Errors of two fits at unseen samples; of_all: also of the last recording where the others suffice; is_last:
-        in the blocks of the reported interval, as in the last fits of the search."""
+        """The squared errors of two fits at unseen samples.  of_all: also at those of the last recording, where the
+        others are enough for the test; is_last: in blocks that are as long as those of the reported intervals, for the
+        tests after the search."""
 
     def on_last(self, one: F, other: F) -> Predictions | None:
         """Errors of two fits on the last recording; None where they cannot be compared there, and where ``predictions``
@@ -79,11 +85,12 @@ class Likelihood(Protocol[F]):
 
 @dataclass(frozen=True, eq=False)
 class Step(Generic[F]):
-    """The candidates of one step, best first; confusable: the effects that explain as much as the first; untried,
-    rejected, detectable, begin: see ``Proposals``."""
+    """One step of the search; untried, rejected, detectable, begin: see ``Proposals``."""
 
     judged: tuple[Candidate[F], ...]
+    """The candidates, best first."""
     confusable: tuple[str, ...] = ()
+    """The effects that explain as much as the first candidate."""
     untried: tuple[str, ...] = ()
     rejected: tuple[str, ...] = ()
     detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
@@ -97,16 +104,18 @@ class Step(Generic[F]):
 
 @dataclass(frozen=True, eq=False)
 class Selection(Generic[F]):
-    """added: the effects, in the order in which the search found them; fits: of the model without them, with the first,
-    with the first two, …; lacking: for each of them the fit with all others, if the elimination made one; steps: the
-    candidates of each step, the last one without success; untried: effects that were not tried beside those that were
-    added, because time ran out."""
+    """The result of a search."""
 
     fits: tuple[F, ...]
+    """The fits without the added effects, with the first of them, with the first two, …"""
     added: tuple[str, ...]
+    """The effects that the search found, in this order."""
     steps: tuple[Step[F], ...]
+    """The steps; nothing was accepted in the last one, unless the time was up."""
     untried: tuple[str, ...] = ()
+    """The effects that were not tried beside the added ones, as the time was up."""
     lacking: Mapping[str, F] = field(default_factory=dict)
+    """By added effect, the fit with all others, where the elimination made one."""
 
     @property
     def confusable(self) -> tuple[tuple[str, ...], ...]:

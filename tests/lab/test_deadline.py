@@ -106,7 +106,7 @@ def test_one_slow_effect_does_not_take_the_time_of_the_others(monkeypatch: pytes
         return None
 
     monkeypatch.setattr(likelihood, "fitted_with", slow)
-    monkeypatch.setattr(likelihood.WholeMotion, "_by_acceleration", lambda self, wide, now: ({}, {}))
+    monkeypatch.setattr(likelihood.WholeMotion, "_by_equation_error", lambda self, wide, now: ({}, {}))
     model = build_model("servo", ["viscous_friction"])
     signals = [Signals.of(one, is_force=False) for one in experiments(model, [servo(1), servo(2)])]
     asked = likelihood.WholeMotion(likelihood.Method.MOTION, model, signals)

@@ -100,7 +100,7 @@ def test_a_bar_with_more_modes_is_fitted_to_the_end() -> None:
     model, _ = with_scale(model, held)
     signals = [Channel().signals(one) for one in held]
     first = WholeMotion(Method.MOTION, from_spectra(model, held), signals).first
-    assert refined(first.judged).rms > 0.999 * first.rms
+    assert refined(first.generalised).rms > 0.999 * first.rms
     values = {name: first.model.parameters[name].value for name in ("m", "k")}
     assert np.sqrt(values["k"] / values["m"]) / (2 * np.pi) == pytest.approx(15.85, rel=0.01)
 

@@ -72,7 +72,7 @@ class Columns:
         """Always."""
         return True
 
-    def opposed(self, now: Regressed) -> Sequence[str]:
+    def damping_pair(self, now: Regressed) -> Sequence[str]:
         """None."""
         return ()
 
