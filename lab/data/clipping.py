@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.data.readings import cut_ends
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
@@ -22,10 +22,13 @@ _END = f"{RANGE}.a_max"
 
 
 def clipping_level(experiments: Sequence[Experiment]) -> float | None:
-    """The limit of the accelerometer's range [m/s²]: the largest magnitude of the readings, if at least
-    ``policy.RAILED`` readings have it; else None."""
-    ends = [size.max() for size in _sizes(experiments) if np.sum(size >= size.max() * (1 - 1e-9)) >= policy.RAILED]
-    return float(max(ends)) if ends else None
+    """The limit of the accelerometer's range [m/s²]: the largest magnitude of the readings of an experiment, if they
+    are cut off there (see ``cut_ends``), at one end or at both together; else None."""
+    limits = []
+    for values in _readings(experiments):
+        largest = float(np.abs(values).max())
+        limits += [largest for end, _ in (*cut_ends(values), *cut_ends(np.abs(values))) if abs(end) == largest]
+    return max(limits, default=None)
 
 
 def with_clipping(model: Model, experiments: Sequence[Experiment]) -> Model | None:
@@ -39,14 +42,14 @@ def with_range(model: Model, experiments: Sequence[Experiment]) -> Model:
     added before saturation, a fit to saturated readings would underestimate the range."""
     if _END not in model.parameters or model.parameters[_END].fixed:
         return model
-    largest = float(max((size.max() for size in _sizes(experiments)), default=0.0))
+    largest = max((float(np.abs(values).max()) for values in _readings(experiments)), default=0.0)
     parameter = model.parameters[_END]
     return model.replace(
         {_END: replace(parameter, value=max(parameter.value, largest), low=max(parameter.low, largest))}
     )
 
 
-def _sizes(experiments: Sequence[Experiment]) -> list[FloatArray]:
-    """The magnitudes of the readings (N_i,) [m/s²] of each experiment that has any."""
+def _readings(experiments: Sequence[Experiment]) -> list[FloatArray]:
+    """The readings of the accelerometer (N_i,) [m/s²] of each experiment that has any."""
     read = [e.measured[ACCEL] for e in experiments if ACCEL in e.measured]
-    return [np.abs(values[~np.isnan(values)]) for values in read if not np.isnan(values).all()]
+    return [values[~np.isnan(values)] for values in read if not np.isnan(values).all()]

@@ -31,6 +31,7 @@ from lostmotion.model.motion import FloatArray
 
 __all__ = [
     "MOTOR_ON",
+    "cut_ends",
     "held_for",
     "longest_part",
     "lost_readings",
@@ -63,6 +64,7 @@ WRAPS = 0.01
 """A jump this close to whole turns, in turns, is that of an angle that wraps.  Of the same 620 readings 608 are found
 with 0.003, 589 with 0.02 and 561 with 0.05."""
 ANGLES = ("position", "command")
+"""The columns that may begin anew."""
 WHOLE = 0.75
 """Share of the range: the least jump of an angle that begins anew; other steps are at most the rest of it.  Of 468 real
 angles of 1.5 to 6 turns that were wrapped 467 are put back with 0.7 to 0.8, 456 with 0.9; none of 261 as they
@@ -76,25 +78,29 @@ MOTOR_ON = "torque_enabled"
 DRIVEN = {"servo": True, "joint": False}
 """Whether the base describes a motor that holds its goal, or a part that moves freely."""
 NO = ("0", "0.0", "false", "off")
+"""Cells of ``MOTOR_ON`` where the motor is off."""
 SLOWEST = 2.0
 """Samples a second.  No motion of a robot shows at fewer (167 published recordings have 10 to 1024); 1000 a second in
 milliseconds are 1."""
 log = logging.getLogger(__name__)
 
 
-def warn_of_clipping(recording: Recording) -> None:
-    """Warns of an accelerometer whose readings pile up at an end of its range, ``policy.RAILED`` times as many as one
-    step before it (8 and 9 times of a clipped one, 2.4 times of a sine in a hundred steps): the model has no range."""
-    values = recording.columns.get("accel", np.empty(0))
+def cut_ends(values: FloatArray) -> list[tuple[float, int]]:
+    """The ends of the range at which readings (N,), NaN where not sampled, are cut off, and the number of readings at
+    each: ``policy.RAILED`` times as many as at the next value."""
     values = values[np.isfinite(values)]
     ends = [(sign, *np.unique(sign * values, return_counts=True)) for sign in (-1, 1)]
-    cut = [(int(counts[-1]), sign * float(each[-1])) for sign, each, counts in ends
-           if each.size > 1 and counts[-1] >= policy.RAILED * counts[-2]]  # fmt: skip
-    if cut:
+    return [(sign * float(each[-1]), int(counts[-1])) for sign, each, counts in ends
+            if each.size > 1 and counts[-1] >= policy.RAILED * counts[-2]]  # fmt: skip
+
+
+def warn_of_clipping(recording: Recording) -> None:
+    """Warns of an accelerometer whose readings are cut off at an end of its range, which the model does not have."""
+    if cut := cut_ends(recording.columns.get("accel", np.empty(0))):
         log.warning(
             "%s: %d readings of accel stand at %s m/s^2: there the range of the sensor cut the motion off, and what is "
-            "found is too small", recording.name, sum(count for count, _ in cut),
-            " and ".join(f"{end:.4g}" for _, end in cut),
+            "found is too small", recording.name, sum(count for _, count in cut),
+            " and ".join(f"{end:.4g}" for end, _ in cut),
         )  # fmt: skip
 
 

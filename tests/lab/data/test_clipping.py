@@ -35,6 +35,7 @@ def test_readings_that_stop_are_told_from_noise_and_from_a_gap() -> None:
     assert rail(np.clip(noise, -6.0, None)) is None
     assert rail(np.where(np.abs(noise) > 5.9, np.nan, noise)) is None
     assert rail(np.round(noise / 0.005) * 0.005) is None
+    assert rail(np.round(300 * np.sin(np.arange(3200) / 3)) / 100) is None  # the top of a sine in steps
 
 
 @pytest.mark.slow
