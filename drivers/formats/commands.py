@@ -104,9 +104,9 @@ def undriven(left: Mapping[str, Part], motion: Part) -> list[str]:
 def _is_speed(part: Part, motion: Part) -> bool:
     """Whether a series is how fast the motion changes, in any unit."""
     (times, values), (seen, position) = part, motion
-    return (
-        min(times.size, seen.size) > 1 and factor_of(np.interp(times, seen, position), values * np.gradient(times)) > 0
-    )
+    if min(times.size, seen.size) < 2:
+        return False
+    return factor_of(np.interp(times, seen, position), values * np.gradient(times)) is not None
 
 
 def _levels(values: FloatArray) -> int:

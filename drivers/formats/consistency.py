@@ -19,9 +19,6 @@ __all__ = ["BY_SPEED", "by_speed", "goal_beside", "own_doubts", "speeds_of"]
 
 BY_SPEED = "; its speed"
 """the end of the reason for an angle that was read in degrees because of its speed"""
-NEAR = 0.04
-"""How far the factor between a speed and how fast its angle changes may be from that of degrees: speeds that drives
-filter are 0.03 off, and that of a gear of 60:1, where the angle is that of the motor, 0.047."""
 ANGULAR = re.compile("angular", re.IGNORECASE)
 FOLLOWED, UNSURE = 0.9, 1.4
 """The least correlation of a goal with the angle that follows it, and how many times as far as the goal the angle may
@@ -126,8 +123,8 @@ def _times_as_fast(angle: Part, speed: Part, unit: str) -> float:
     if si != "rad/s" or min(times.size, seen.size) < 2:
         return 1.0
     found = factor_of(np.interp(times, seen, position), factor * values * np.gradient(times))
-    ratios = (DEGREE, 1 / DEGREE) if unit else (DEGREE,)
-    return found if any(abs(found * ratio - 1) < NEAR for ratio in ratios) else 1.0
+    ratios = (1 / DEGREE, DEGREE) if unit else (1 / DEGREE,)
+    return found.least if found and any(found.may_be(ratio) for ratio in ratios) else 1.0
 
 
 def _times_as_far(goal: FloatArray, angle: FloatArray) -> float:

@@ -67,7 +67,7 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
         told = ", ".join(f"{shown(rate.speed)} is how fast {shown(rate.of)} changes" for rate in changing[:MOST_SHOWN])
         told += f", as {', '.join(map(shown, twins))} does" if len(changing) == 1 and is_timed else ""
         return {"perhaps": changing[0].of, "why": told} | (
-            {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor:.3g}'):g}", "rate": changing[0].speed}
+            {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor.least:.3g}'):g}", "rate": changing[0].speed}
         )
     found |= _of_no_motion(table)
     speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]

@@ -10,10 +10,13 @@ from lostmotion.drivers.base import FloatArray
 __all__ = ["SWINGS", "crossings", "is_smooth", "power", "swings"]
 
 SWINGS = 6
-"""crossings of the middle, of what swings"""
+"""Crossings of the middle, of what swings.  Of 200 random walks 17 swing with three, one with four and none with six; a
+pendulum is found from its third swing on, with eight from its fourth."""
 BEYOND = 0.25
-"""of the standard deviation: how far beyond their middle numbers are when they have crossed it; noise about a constant,
-or about the end of a step, does not"""
+"""How far beyond their middle numbers are when they have crossed it, as a share of their standard deviation.  Of
+simulated swings of four periods and more with a noise of 2 % of their first amplitude 80 % are found with 0, 92 with
+0.1 and all with 0.25, with one of 10 % 49, 72 and 75; with 1.0 swings that die down quickly are missed without any
+noise. White and coloured noise, steps, ramps and squares are none with any of these."""
 BACK = -0.5
 """Correlation of what swings with itself half a period later.  Angles and places of nine published pendulums and beams
 have -0.83 to -1.00, which noise and friction of a driven one make smaller; noisy speeds of wheels, currents, and a
@@ -22,9 +25,12 @@ SMOOTH = 0.5
 """Correlation of the mean speeds of two neighbouring pieces of a motion, of some length: inertia keeps the speed.
 Angles of seven machines have 0.68 to 1.00, a temperature 0.24, a tachometer's voltage 0.23."""
 STEADY = 0.2
-"""of the mean speed: the deviation of the speeds of pieces, of some length, of what turns steadily"""
+"""Standard deviation of the speeds of pieces of some length, as a share of their mean, up to which something turns
+steadily.  Of simulated shafts whose angle has noise of the way of ten rows 45 % do with 0.1, and all with 0.2; of
+random walks that drift by 0.2 of a step in each none does with 0.2, 8 % with 0.3 and 77 % with 0.5."""
 PIECES = 12
-"""of a recording: the longest of which speeds are compared"""
+"""Least number of pieces of a recording whose speeds are compared.  Of these walks 28 % keep their speed with six
+pieces and none with twelve; of these shafts 28 % with 24 and all with twelve."""
 
 
 def swings(values: FloatArray) -> bool:

@@ -43,7 +43,8 @@ SELDOM = 0.01
 """share of the rows in which a counter whose name says its rate may begin anew: once in 1100 to 1300 rows of twenty
 recordings of a motor"""
 TURN = 0.05
-"""of a turn: how far the range of an angle that begins anew may be from one"""
+"""How far the range of an angle that begins anew may be from a turn, in turns: it is 0.95 turns and more with twenty
+samples a turn, and 0.90 with ten, by two turns."""
 ORDINALS = ("", "", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
 """of the rows from one value of a series to its next, where one column holds several in turn"""
 SAME = 0.01
