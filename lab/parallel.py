@@ -33,7 +33,9 @@ __all__ = ["Threads", "cores", "each", "fair_share", "open_executor"]
 R = TypeVar("R")
 T = TypeVar("T")
 CONNECT_S = 5.0
+"""How long a scheduler may take to answer [s]."""
 WORKERS_S = 10.0
+"""How long its first worker may take to come [s]."""
 EXPECTED = "expected threads:N, processes:N or dask=HOST:PORT"
 
 

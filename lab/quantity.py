@@ -25,6 +25,7 @@ __all__ = [
 SMALLEST = 0.1
 """The largest unit is taken in which the largest value is at least this; thousands (kN) are taken from 1 on."""
 MOST_DIGITS = 6
+"""Largest number of digits."""
 SMALLEST_P = 0.003
 """Smaller probabilities are shown as a bound: one false name in 300 searches is the smallest rate that was counted."""
 

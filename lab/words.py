@@ -40,6 +40,7 @@ _VARIABLES = {
     "accel": ("the measured acceleration", "m/s^2"),
     "displacement": ("the displacement", "m"),
 }
+"""By variable of a residual, its name and its SI unit."""
 _COLUMNS = {
     "accel": ("acceleration", "m/s^2"),
     "position": ("angle", "rad"),
@@ -47,8 +48,11 @@ _COLUMNS = {
     "displacement": ("displacement", "m"),
     "torque": ("torque", "N m"),
 }
+"""By column of a recording, its quantity and its SI unit."""
 _DRIVES = {"A": "current", "V": "voltage", "%": "duty cycle"}
+"""By unit of what was recorded instead of a torque, its name."""
 _LINEAR = {"position": ("position", "m"), "torque": ("force", "N")}
+"""The columns of an axis that moves along a line."""
 
 
 def variable(name: str) -> tuple[str, str]:

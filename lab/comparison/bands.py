@@ -18,8 +18,11 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Band", "Spectra", "spectra"]
 
 SEGMENT = 2048
+"""Largest length of a segment of Welch's method [samples]."""
 LEAST_SEGMENT = 32
+"""Its least length, where a recording is that long [samples]."""
 BANDS_PER_OCTAVE = 2
+"""Number of bands in an octave in which the error is reported."""
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,11 @@ CLOSED = 0.02
 REST = 0.03
 """Share of the usual speed below which the joint rests."""
 IMPACT_S, BEFORE_S, AFTER_S = 0.008, 0.015, 0.06
+"""Time after an impact that counts as at it, time before it, and time until which it is after it [s]."""
 APART_S = 0.005
+"""An event that follows another one sooner belongs to it [s]."""
 REVERSAL_S, AROUND_S = 0.03, 0.1
+"""Length of a reversal, and the time before it, and after it [s]."""
 LARGE = 1.0
 """Deflections of the oscillator above so many times its root mean square are large."""
 

@@ -27,6 +27,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Block", "ColumnResidual", "PhaseError", "Prediction", "predict"]
 
 BLOCKS = 20
+"""Number of parts of a recording whose errors are reported."""
 MOTION = {"position": "theta_2", "velocity": "omega_2", "acceleration": "acceleration", "torque": "torque",
           "displacement": "q", "gap": "gap", "command": "command"}  # fmt: skip
 """The signals of a trajectory over which the residual is mapped, and the names of the maps; force is added by

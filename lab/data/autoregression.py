@@ -21,12 +21,17 @@ __all__ = ["NoiseModel", "fit_autoregression"]
 GRID = 1 << 14
 """Number of frequencies at which a spectrum is evaluated."""
 LARGEST_ROOT = 0.998
+"""Largest magnitude of a root of a model's polynomial, see ``_stable``."""
 HUBER = 2.5
+"""Bound of Huber's weights, in robust standard deviations."""
 REWEIGHTINGS = 4
+"""Number of fits, each with weights from the errors of the one before."""
 EDGE = 4.0
+"""Magnitude at which errors are clipped before their standard deviation is taken, in robust ones."""
 OUTLIER, FEW = 8.0, 0.03
 """Samples beyond so many robust standard deviations are outliers; they are left out if their share is at most this."""
 MAD = 1.4826
+"""Standard deviation of normal values over the median of their magnitudes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,7 @@ ACCEL = "accel"
 INPUT = {"play": "command", "oscillator": "force", "joint": "torque", "servo": "command"}
 """The column that drives each base."""
 NEEDS_INPUT = ("play", "servo")
+"""The bases that do not move without an input."""
 OUTPUTS = {
     "play": ("accel", "position", "force"),
     "oscillator": ("displacement", "accel"),

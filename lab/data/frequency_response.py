@@ -37,7 +37,7 @@ BESIDE: Mapping[str, Sequence[Callable[[FloatArray], FloatArray]]] = {"joint": (
 CLEAR = 300.0
 """Ratio of the power to that at the highest frequencies, which is noise, above which a bin is used."""
 LEAST_BINS = 6
-WHOLE: Band = (0.0, np.inf)
+"""Least number of frequencies for an estimate."""
 BESIDE_LINE = 1.3
 """A mode is estimated up to this factor below and above the strongest line in the spectrum of the output."""
 log = logging.getLogger(__name__)
@@ -94,7 +94,11 @@ def _output(model: Model, experiments: Sequence[Experiment]) -> tuple[str, list[
 
 
 def _estimates(
-    model: Model, usable: Sequence[Experiment], orders: Mapping[str, int], wanted: Sequence[str], band: Band = WHOLE
+    model: Model,
+    usable: Sequence[Experiment],
+    orders: Mapping[str, int],
+    wanted: Sequence[str],
+    band: Band = (0.0, np.inf),
 ) -> dict[str, float]:
     """The parameters that are ``wanted``, by least squares in a band; {} where it has too few bins."""
     column, outputs = _output(model, usable)[0], OUTPUTS[model.base]
@@ -156,6 +160,7 @@ def usual_torque(model: Model, experiment: Experiment) -> float:
 
 
 MOST = 6
+"""Largest number of lines."""
 APART = 0.1
 """Width of a line, as a share of its frequency."""
 CLEAR_LINE = 100.0

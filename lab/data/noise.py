@@ -22,18 +22,23 @@ __all__ = ["noise_models", "noise_of", "quiet_noise"]
 WINDOWS = (48, 24, 12)
 """Lengths of windows [samples]; the longest with enough windows in the signal is used."""
 LEAST_WINDOWS = 8
+"""Least number of windows, if they did not overlap by half."""
 TREND_ORDER = 7
+"""Degree of the polynomial that is projected out of a window."""
 QUIETEST = 0.25
 """Share of the windows that are assumed to contain only noise."""
 SURE = 1.0
 """Standard deviations of a window's variance above which it is not noise alone."""
 CORRELATIONS = np.arange(-4, 10) / 10
+"""Correlations of neighbouring samples that are compared."""
 LINES = {48: 4, 24: 1, 12: 0}
 """Lines that are projected out of windows of each length: of the bar and of a fan, beside those of the motion.
 A line takes four dimensions, the polynomial eight: in windows of 12 a line would leave none for the noise.
 Of white noise of 0.2 m/s² beside a hum of 0.3 to 1.5 m/s² at 30 to 200 Hz (twelve simulated gears), two leave 0.96 to 8
 times its size, three 0.92 to 8, four 0.90 to 1.01."""
 PREDICTED_FROM, POOR = 20, 0.7
+"""Largest order of the autoregression whose error of prediction is an upper bound of the noise; and the ratio of that
+error to the innovation from windows, below which it is taken instead."""
 PREFERS_WHITE = 10.0
 """Least gain of the log-likelihood for noise to count as coloured."""
 

@@ -16,9 +16,14 @@ __all__ = ["drawn_again", "rounding_step", "smooth_motion"]
 
 ROUNDED, LEAST_LEVELS = 1e-5, 10
 """Least step, as a share of the range of the values, and least number of different values, of a motion in steps.  What
-smaller ones change is less than the error of integration; fewer may be goals, between which it jumps."""
+smaller ones change is less than the error of integration; two values of a motion that is not rounded differ by 2 to
+9e-6 of its range at the least (400 samples).  Fewer values may be goals, between which it jumps; four seconds moved by
+hand by 20 mrad in steps of 5.1 mrad have 13, in steps of 1.5 mrad 43."""
 OFF_GRID = 0.1
-"""Largest distance of a value from a multiple of the step, in steps."""
+"""Largest distance of a value from a multiple of the step, in steps: 0 of exact multiples, 0.04 of 64 values in steps
+of 5.1 mrad that were printed with five decimals, 0.5 of values that are not rounded.  As the step is the least
+difference of two values, more values, or fewer decimals, count as not rounded (0.2 of 202 values, 0.18 with four
+decimals)."""
 DEGREE = 5
 """Of the spline through the samples of a motion.  A command at 100 Hz of a hand-waved motion up to 3 Hz, with impacts
 that amplify each error, is predicted with 12 times the noise by cubic splines, and with 1.01 times by quintic ones."""

@@ -15,6 +15,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["LENGTHS", "imported_columns", "is_sampled", "with_stand_ins"]
 
 LENGTHS = ("m", "mm", "µm", "um", "in")
+"""Units of a position that is a length."""
 ELSE = {
     "oscillator": {"displacement": "position", "force": "torque"},
     "joint": {"position": "displacement", "torque": "force"},

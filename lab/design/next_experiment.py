@@ -31,10 +31,13 @@ from lostmotion.model import Chirp, HandWaved, Model, ModelError, Motion, Sample
 __all__ = ["what_to_record"]
 
 LENGTH_S = 4.0
+"""Length of a proposed recording [s]."""
 REST_S = 0.5
+"""Length of a rest between two steps [s]."""
 LARGEST = 1e30
 """number that a recording may hold"""
 INPUT_UNITS = {"oscillator": "N", "joint": "N m"}
+"""By base, the unit of its input; rad for the others."""
 
 
 @dataclass(frozen=True)

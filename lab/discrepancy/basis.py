@@ -26,6 +26,7 @@ from lostmotion.model.signals import BAR_FORCE, FORCE, GAP, OMEGA2, Q_RATE, SENS
 __all__ = ["KNOTS", "Guess", "guesses", "wave_guess"]
 
 KNOTS = 13
+"""Number of knots of a curve."""
 WIDEST = 0.995
 """The quantile of the variable at which a curve ends."""
 BEND = 0.3
@@ -34,8 +35,11 @@ MOST = 10.0
 """Bound of a curve, in units of the magnitude of what already acts in the equation."""
 SMOOTH = 5e-3  # rad/s, as dry friction changes its sign
 UNITS = {TORQUE: "N m", BAR_FORCE: "N", SENSOR: "m/s^2", GAP: "m"}
+"""By signal, the unit of what acts on it."""
 ACTS_ON = {TORQUE: ActsOn.JOINT, BAR_FORCE: ActsOn.OSCILLATOR, SENSOR: ActsOn.SENSOR, GAP: ActsOn.JOINT}
+"""By signal, the part that an effect on it acts on."""
 VARIABLES = {THETA2: "theta_2", OMEGA2: "omega_2", FORCE: "load", Q: "q", Q_RATE: "q'", TIP: "accel", THETA1: "command"}
+"""By signal, the name of the variable of a curve."""
 SHOWN = {"theta_2": "position", "omega_2": "velocity", "load": "force", "accel": "accel", "command": "command"}
 """The name of a variable in a trajectory; q and q' are states."""
 PAIRS: Mapping[str, Sequence[tuple[int, int]]] = {

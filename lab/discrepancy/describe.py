@@ -52,11 +52,13 @@ FORMS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "{a} {x} |{x}|": lambda x: x * np.abs(x),
     "{a} {x}³": lambda x: x**3,
 }
+"""Formulas of one term that are compared with a curve."""
 IMITATED = {("sensor", "accel"): 1, ("oscillator", "q"): 1, ("oscillator", "q'"): 1, ("sensor", "theta_2"): 0,
             ("sensor", "omega_2"): 0}  # fmt: skip
 """By equation and variable, the degree of the polynomial that bias, stiffness, damping or length of the base can
 imitate.  It is removed from a curve."""
 WHAT = {"joint": "a torque on the joint", "oscillator": "a force on the oscillator", "sensor": "an error of the sensor"}
+"""By part that a function acts on, what is missing."""
 
 
 Heights = Mapping[str, tuple[float, float]]

@@ -21,7 +21,9 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["ResidualMap", "finding", "residual_maps"]
 
 BINS = 12
+"""Largest number of bins of a map."""
 LEAST_IN_BIN = 10
+"""Least number of samples in a bin."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from lostmotion.model.signals import TORQUE
 __all__ = ["best_wave"]
 
 FAINT = 1e-6
+"""Amplitude of a sine at which its influence is computed to first order [N m]."""
 SLOWEST_HZ, FASTEST_HZ, FASTEST = 1.0, 30.0, 0.45
 """Frequencies of sines: the lowest one, the highest one of a torque [Hz], and the highest one of a sensor as a share of
 its rate."""

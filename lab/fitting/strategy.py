@@ -57,9 +57,13 @@ DISTANT_PLAYS, MUCH_LESS = (0.5, 0.25, 2.0), 0.75
 of the typical errors: 0.44 and 0.68 of two recordings with 0.37 and 0.5 of the play, 0.96 and 1.0 with Coulomb friction
 or a compliant shaft."""
 PLAY_SHARE = np.geomspace(0.62, 1.5, 11)
+"""The plays of a grid, in that of the model."""
 DAMPING_SHARE = (1.0, 0.4)
+"""The dampings of the contact in a grid, in that of the model."""
 FREQUENCY_SHARE = 0.12
+"""Largest relative difference of the frequency of the bar from that of the model."""
 SUBSET = 10
+"""Largest number of segments on which the models of a grid are compared."""
 CONVERGED = 0.3
 """Largest change of a residual with half the integration step, in units of the noise, at which it has converged."""
 DISTURBANCE = 1e-4
@@ -67,10 +71,15 @@ CHAOTIC = 4.0
 """Disturbance of an initial state, in units of its scale, and the change of the residual by it, in units of the noise,
 above which a segment is chaotic."""
 LONGEST_S = 1.01
+"""Largest length of segments for predictions [s]."""
 DOUBTED_SHARE = 0.3
+"""Share of unpredictable segments above which segments are too long for predictions."""
 SCANNED = 4
+"""Number of models of a grid that are fitted by a few steps."""
 KEPT = 2
+"""Number of these that are fitted to the end."""
 POLISHED = 5
+"""Steps of the fits of initial states from guesses."""
 
 
 def with_bar_frequency(model: Model, experiments: Sequence[Experiment]) -> Model:

@@ -30,6 +30,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Direction", "Scores", "score_test"]
 
 DRAWS = 400
+"""Number of draws of the noise."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Unseen", "Validation", "compared", "exceeds_noise"]
 
 POLISHED = 6
+"""Steps of the fits of initial states."""
 
 
 @dataclass(frozen=True, eq=False)

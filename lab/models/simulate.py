@@ -22,9 +22,12 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Simulation"]
 
 FREE = "free"
+"""The motion without an input."""
 PIECE_S = 10.0  # simulated between two reports of progress
 MOST_SAMPLES = 50_000_000
+"""Largest number of rows of a recording."""
 CHECK_STEP_S = 1e-3
+"""Spacing of the samples of the motion that is tested for chaos [s]."""
 LONGEST_CHECK_S = 10.0  # of motion; the test for chaos simulates it twice more
 
 

@@ -44,15 +44,20 @@ FIRST, EACH, MOST_EACH, POPULATION = 72, 9, 240, 24
 """Least size of the first population; its size for each initial guess of an effect with many of them, and its largest
 size; size of the later populations, a multiple of ``VECTOR``."""
 BASE_GENERATIONS, EFFECT_GENERATIONS, FINAL_GENERATIONS = 8, 5, 8
+"""Generations of a search for parameters, of an effect with the medium gain, and of either with the low gain."""
 WIDTH = {"d": 0.22, "alpha": 0.3, "k": 0.01, "b": 0.25, "l": 0.03}
 """Standard deviations of the logarithms of parameters in a first population."""
 BIAS_WIDTH = 0.05  # m/s²
 EFFECT_WIDTH = 0.4
+"""The same for parameters of effects."""
 SURE = 0.2
 """Share of these widths for members around fitted values."""
 LARGER = 4.0
+"""Initial guesses of an effect are also those at a torque that is so many times as large."""
 DIFFERENTIAL_WEIGHT, CROSSOVER = 0.6, 0.9
+"""Weight of the difference from one of the best members, and the probability that a value changes."""
 MUTATED, FARTHEST = 0.5, 3
+"""Share of the trials whose whole numbers change, and the largest change."""
 SEEDS = 2
 """Searches with other random numbers: for the first fit, and for effects until one is accepted.  That of a finite
 actuator, which has three parameters, comes to its minimum in three of eight (a pair of seed 7200)."""

@@ -23,6 +23,7 @@ from lostmotion.model.observer import Budget
 __all__ = ["OUTSIDE", "Follower", "settled"]
 
 LENGTH_S, EXPERIMENTS = 2.0, 2
+"""Length of a segment [s], and the largest number of experiments of which one is taken."""
 LEAST_HZ, PERIOD_SAMPLES = 800.0, 8.0
 """Samples a second, and samples in a period of the bar, above which segments are decimated."""
 SHORTEST_STEP_S = 2.5e-4

@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 MOST_VARIABLES = 3
+"""Largest number of variables in a sentence."""
 UNSEEN_RATIO = 3.0
 """Ratio of the error on unseen samples to that of the fit, from which on a sentence reports it.  Of 41 answers on
 measured machines 36 have at most 2.3.  Of the five from 3.0 on one lacks an effect, one has an effect that raises the

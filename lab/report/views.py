@@ -24,6 +24,7 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Amplitudes", "Trace", "amplitudes", "before", "traces", "traces_of"]
 
 LEAST_SAMPLES = 16
+"""Least number of samples for a spectrum."""
 SEGMENTS = 8
 """At least so many half-overlapping segments are averaged in a spectrum."""
 

@@ -49,7 +49,7 @@ class Fit(Protocol):
 
     @property
     def rms(self) -> float:
-        """Root mean square error, by which fits of one model are compared."""
+        """Root mean square error, by which fits are compared."""
 
     @property
     def screened(self) -> float:

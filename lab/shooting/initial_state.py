@@ -25,7 +25,9 @@ from lostmotion.model.run import run_each
 __all__ = ["FINE", "find_start", "repaired", "ringing_hz", "segment_of", "with_best_starts"]
 
 SCAN_S = 0.1
+"""Length of the part of a segment on which states are scanned [s]."""
 LAST = 2
+"""Steps of the fit on the whole segment."""
 RENEWED, MORE = 4, 2
 """Number of steps that share derivatives, with corrections by secants in between, and number of additional steps for
 it.  It takes a third fewer simulations, and of 28 initial states none is 10 % worse (three are 10 % better)."""
@@ -52,12 +54,14 @@ QUICK = Effort(
     5,
     ((0.1, 3, 3), (0.2, 2, 2)),
 )
+"""For the first estimate of every segment."""
 FINE = Effort(
     np.array([-1.0, -0.95, -0.85, -0.7, -0.45, -0.2, 0.0, 0.2, 0.45, 0.7, 0.85, 0.95, 1.0]),
     np.array([-3.0, -2.2, -1.6, -1.1, -0.7, -0.35, 0.0, 0.35, 0.7, 1.1, 1.6, 2.2, 3.0]),
     16,
     ((0.1, 10, 3), (0.15, 6, 3), (0.25, 4, 3), (0.35, 3, 3), *((0.5 * 1.2**i, 2, 3) for i in range(20))),
 )
+"""For segments that are missed, and long ones."""
 
 
 def segment_of(model: Model, experiment: Experiment, noise: dict[str, float]) -> Segment:

@@ -24,6 +24,7 @@ __all__ = ["Solution", "minimise", "projected_off", "robust"]
 START_PRIOR = 20.0
 """Standard deviation of the prior on an initial state around its first value, in units of its scale."""
 TRIALS = 6
+"""Largest number of dampings that are tried in a step."""
 EDGES = 0.5
 """Share of the segments with an increased cost from which on a step is too long."""
 

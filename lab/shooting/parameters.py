@@ -22,10 +22,12 @@ from lostmotion.model.motion import FloatArray
 __all__ = ["Unknown", "Unknowns", "free_names", "held"]
 
 LOG_PRIOR = 1.0
+"""Standard deviation of the prior of a positive parameter, in z: a factor e."""
 TRUST: Mapping[str, float] = {"l": 1.25, "k": 1.25, "b": 3.0, "d": 1.8, "alpha": 5.0}
 """The factor by which each parameter of gears may differ in a search from its value in the model file or the
 spectra."""
 LINEAR_PRIOR = 10.0
+"""That of another parameter, in scales."""
 AT_BOUND = 1e-6
 """Distance of z from a bound below which a fit ended at the bound, as it approaches a bound from within."""
 UNKNOWN = 1e9

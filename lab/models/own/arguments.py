@@ -18,6 +18,7 @@ from lostmotion.model.effects import ActsOn
 __all__ = ["Arguments", "Declared"]
 
 WANTED = "Parameter(start, unit, low, high)"
+"""What a parameter has to look like, for messages."""
 
 
 @dataclass(frozen=True, eq=False)

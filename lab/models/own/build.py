@@ -23,6 +23,7 @@ from lostmotion.model.signals import TIME
 __all__ = ["Built", "build"]
 
 Lines = tuple[str, ...]
+"""Lines of the body of a kernel."""
 SHIFT_S = 1e-5
 """Half the time over which a rate is taken as a difference [s]."""
 

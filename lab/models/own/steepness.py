@@ -25,11 +25,14 @@ from lostmotion.model.signals import OMEGA2, Q_RATE, THETA2, Q
 __all__ = ["fastest_rate", "sign_width"]
 
 PROBED, PROBED_AT_REST = 300, 40
+"""Number of points at which slopes are taken, at all speeds and at rest."""
 CHORD = {THETA2: 1e-3, OMEGA2: 2e-3, Q: 1e-5, Q_RATE: 1e-3}
 """Half the segment over which a slope is taken [rad, rad/s, m, m/s]: a jump counts as a step of that width, as dry
 friction in the catalogue does; a fixed-step solver cannot resolve a sharper one."""
 STATE_CHORD = 1e-4
+"""Half the segment over which a slope by a state of the effect is taken."""
 MOVING = {ActsOn.JOINT: (THETA2, OMEGA2), ActsOn.OSCILLATOR: (Q, Q_RATE)}
+"""By part that an effect acts on, the signals of its place and its speed."""
 SEEN = 0.8
 """Least share of the slope at rest that the solver measures across the width, so that its steps are short enough; of
 tanh(omega/omega_0) it is 0.8 with a width of 1.7 omega_0."""

@@ -16,6 +16,7 @@ from lostmotion.model import Parameter
 __all__ = ["try_out"]
 
 TRIED = 25
+"""Number of points at which a function is called."""
 
 
 def try_out(name: str, function: Callable[..., Any], arguments: Arguments, parameters: Mapping[str, Parameter]) -> str:
