@@ -8,6 +8,7 @@ or two apart, which looks as if samples were missing.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -72,31 +73,33 @@ def coarser(stamps: FloatArray, tick: float, period: float) -> float:
     return max(float(np.gcd.reduce(np.rint(steps).astype(np.int64))) * tick, tick)
 
 
-def evened(times: FloatArray) -> FloatArray:
+def evened(times: FloatArray, columns: Sequence[FloatArray] = ()) -> FloatArray:
     """Times [s] that ascend, shape (N,), without the rounding to coarse ticks, where they show that they are rounded:
     all steps are whole numbers of a tick, and the longer ones come in a regular pattern.  Others as they are.
+    columns: what was read then, each (N,).
 
     Lost samples make longer steps, too, but not regularly.  Times with so many digits (10.63, 110.6) have a tick for
     each power of ten.
     """
     if len(times) < LEAST_ROWS or not np.diff(times).min() >= 0 or not times[-1] > times[0]:
         return times
-    whole = _evened(times)
+    whole = _evened(times, columns)
     if whole is not times:
         return whole
     powers = 10.0 ** np.arange(math.floor(math.log10(times[-1] - times[0])) - 1, math.log10(np.abs(times).max()) + 1)
-    parts = np.split(times, np.searchsorted(times, powers))
-    found = [_evened(part) for part in parts]
+    ends = np.searchsorted(times, powers)
+    parts, read = np.split(times, ends), [np.split(each, ends) for each in columns]
+    found = [_evened(part, [each[k] for each in read]) for k, part in enumerate(parts)]
     return times if all(new is old for new, old in zip(found, parts, strict=True)) else np.concatenate(found)
 
 
-def _evened(times: FloatArray) -> FloatArray:
+def _evened(times: FloatArray, columns: Sequence[FloatArray]) -> FloatArray:
     """Times of one tick."""
     steps = np.diff(times)
     if len(times) < LEAST_ROWS or not steps.any():
         return times
     if np.median(steps) < BURSTS * steps.mean():
-        return _of_bursts(times)
+        return _of_bursts(times, columns)
     tick = _tick(steps)
     counts = np.rint(steps / tick)
     usual = np.median(counts)
@@ -110,14 +113,27 @@ def _evened(times: FloatArray) -> FloatArray:
     return even - tick / 2
 
 
-def _of_bursts(times: FloatArray) -> FloatArray:
+def _of_bursts(times: FloatArray, columns: Sequence[FloatArray]) -> FloatArray:
     """Times [s] of samples that mostly arrived several at once, and have the stamp of their arrival: even ones, where
-    the stamps stay as close to these as bursts follow each other."""
+    the stamps stay as close to these as bursts follow each other; not where nothing was read between bursts."""
     number, steps = np.arange(len(times)), np.sort(np.diff(times))
     even = np.polyval(np.polyfit(number, times, 1), number)
     apart = steps[np.searchsorted(np.cumsum(steps), steps.sum() / 2)]  # half of the time is in steps as long as this
     is_burst = np.sum(steps >= apart) >= LEAST_BURSTS and np.std(times - even) <= apart
-    return np.asarray(even) if is_burst else times
+    return np.asarray(even) if is_burst and not any(_pauses(times, each, apart) for each in columns) else times
+
+
+def _pauses(times: FloatArray, values: FloatArray, apart: float) -> bool:
+    """Whether values (N,) change more over the steps that are at least so long [s] than over the others, as what moves
+    does between two samples that are really so far apart: by more than the square root of the ratio of the steps, which
+    is halfway between no difference and one in proportion to the time."""
+    steps, ways = np.diff(times), np.diff(values) ** 2
+    known = np.isfinite(ways)
+    sets = [known & (steps >= apart), known & (steps < apart)]
+    if not all(rows.any() for rows in sets):
+        return False
+    (far, far_s), (near, near_s) = ((float(ways[rows].mean()), float(steps[rows].mean())) for rows in sets)
+    return far * near_s > near * far_s > 0
 
 
 def _tick(steps: FloatArray) -> float:

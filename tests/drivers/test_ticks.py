@@ -113,6 +113,17 @@ def test_samples_that_arrive_in_bursts_are_evened() -> None:
     assert np.diff(evened(np.delete(arrived, slice(2000, 2260)))).max() == pytest.approx(1.0, abs=0.1)
 
 
+def test_samples_with_pauses_between_them_keep_their_times() -> None:
+    """A microcontroller that reads an encoder nine times at 200 Hz, then serves its page for 128 ms: the angle moves on
+    meanwhile, as it does not between samples that only arrived together."""
+    times = np.concatenate([0.168 * k + 0.005 * np.arange(9) for k in range(90)])
+    angle = np.rint(np.cos(7 * times) * 1000) / 1000
+    found, _ = Recording(times, {"position": angle}).signal("position")
+    np.testing.assert_array_equal(found, times)
+    arrived = Recording(times, {"position": np.cos(7 * np.linspace(0, times[-1], times.size))}).signal("position")[0]
+    assert np.ptp(np.diff(arrived)) < 1e-9
+
+
 def test_lines_that_are_stamped_as_they_are_read_from_a_buffer_are_evened() -> None:
     """The same, but each line has the millisecond in which it was read, and some bursts are late.  Times with a pause
     stay as they are."""
