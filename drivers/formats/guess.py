@@ -276,12 +276,14 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
     known = spans(named_so)
     names = [one for one in named_so if known[one][0] < known[one][1]] or named_so
     names = [one for one in names if one != moving.get("counting")] or names
+    names = sorted(names, key=lambda one: one != moving.get("slow", one))
     if not clock and len(named_so) == len(series) > 1:
         rising = moving.get("rising", "")
         others = [one for one in names if one != rising] or names
         moves = next((one for one in others if not is_input(one)), others[0])
         unit = axis.unit(known[moves])
-        without = shlex.quote(f"FILE#rate-hz=100,{axis.motion}={shown(moves)}{unit}")
+        driven = "".join([f",voltage={shown(one)}" for one in others if one != moves and is_input(one)][:1])
+        without = shlex.quote(f"FILE#rate-hz=100,{axis.motion}={shown(moves)}{unit}{driven}")
         if not rising:
             return f"{without}, if there are 100 rows a second"
         given = f"{mapped('time', rising, moving['steps'])} {mapped(axis.motion, moves, unit)}"

@@ -118,7 +118,8 @@ class Table:
                 f"{self.name}: found {listed(self.series)}, and no times; {self._in_turn()}{self._advised()}"
                 "give the rows a second, if there are 100: FILE#rate-hz=100"
             )
-        best = min(found, key=lambda one: (time_rank(one.name), is_run(one.name)))
+        still = [one.name for one in found if len(found) > 1 and not np.any(self._steps.get(one.name, 1))]
+        best = min(found, key=lambda one: (one.name in still, time_rank(one.name), is_run(one.name)))
         return best, Term(best.name)
 
     @property
@@ -147,9 +148,9 @@ class Table:
         if not found:  # what says that it is one may stand still for a row
             found = [name for name in loaded if ends_in_time(name) and _ascends(loaded[name], may_repeat=True)]
         if not found and all(UNNAMED.fullmatch(name) for name in loaded):
-            found = [
-                name for name, values in loaded.items() if len(values) > LEAST_ROWS and (np.diff(values) > 0).all()
-            ] or [name for name, values in loaded.items() if _ascends(values, may_begin_anew=True)]
+            found = [name for name, values in loaded.items() if len(values) > LEAST_ROWS and _never_falls(values)] or [
+                name for name, values in loaded.items() if _ascends(values, may_begin_anew=True)
+            ]
         if len(found) > 1:
             found = [name for name in found if is_time(name.rpartition(".")[2])]
         return found[0] if found and all(np.array_equal(loaded[found[0]], loaded[other]) for other in found) else ""
@@ -247,6 +248,12 @@ def _counts_rows(column: Array) -> bool:
     """Whether numbers count the rows, from 0 or 1 on."""
     values = np.asarray(column, dtype=np.float64)
     return values.size > LEAST_ROWS and values[0] in (0, 1) and bool((np.diff(values) == 1).all())
+
+
+def _never_falls(column: Array) -> bool:
+    """Whether numbers ascend, but for one that may stand twice, as times do that were rounded."""
+    steps = np.diff(np.asarray(column, dtype=np.float64))
+    return bool((steps >= 0).all() and (steps[1:] + steps[:-1] > 0).all())
 
 
 def _spans_turn(values: Array) -> bool:

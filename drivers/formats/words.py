@@ -283,7 +283,7 @@ def ends_in_time(name: str) -> bool:
 def time_rank(name: str) -> int:
     """The place of a name among those of the time axis, the first one at 0; beyond them all for another series."""
     name = re.sub(r"(?<=[a-z]) [A-Z](?=\s*[\[(]|$)", "", RUN.sub("", name))  # a run may have a letter: Time B
-    plain = re.sub(r"[\[(][^\])]*[\])]\s*$", "", name)
+    plain = re.sub(r"[\[(][^\])]*[\])]\s*$", "", name).rpartition(":")[2]  # behind the data set: OSL:timestamp
     words = ["__time"] if plain == "__time" else _words(plain)
     kept = [word for word in words if word not in UNITS | BESIDE_TIME] or words
     if len(kept) == 1 and kept[0] in TIMES:

@@ -762,3 +762,57 @@ def test_columns_of_words_are_not_left_out_silently(tmp_path: Path) -> None:
         "t,angle,phase,empty\n" + "".join(f"{t:.3f},{y:.5f},swing,\n" for t, y in zip(T, SWING, strict=True))
     )
     assert [note for note in read(path).notes if "words" in note] == ["left out, as they hold words: phase"]
+
+
+def test_what_rings_down_is_the_position_and_not_what_drove_it(tmp_path: Path) -> None:
+    """A torsion pendulum that is driven, then left alone: the forcing stands still, which moves far more."""
+    time = np.arange(1600) / 20
+    is_driven = time < 25
+    forcing = np.where(is_driven, 30 * np.sin(6 * time), 0.0)
+    angle = np.where(is_driven, 0.3 * np.cos(6 * time), 0.3 * np.exp(-(time - 25) / 20) * np.cos(6 * time))
+    path = tmp_path / "smorzamento.txt"
+    path.write_text(rows(time, forcing, angle))
+    found = read(path)
+    assert found.recording.columns["position"] == pytest.approx(angle, abs=1e-5)
+    assert found.columns[0].why == "it rings down, and column2 stands still"
+    phase = np.where(is_driven, 90.0, 0.0)
+    named = "Tempo\tForzante\tPendolo\tFase\n" + rows(time, forcing, angle, phase)
+    path.write_text("--- Pendolo di torsione ---\n" + named.replace(".", ","))
+    assert read(path).recording.columns["position"] == pytest.approx(angle, abs=1e-5)
+    path.write_text(rows(time, angle, 30 * np.sin(6 * time)))
+    assert "none that is clearly a column" in refused(path)
+
+
+def test_rounded_times_without_a_name_may_stand_twice(tmp_path: Path) -> None:
+    """Two sensors of 0.06 s write lines of their own, to 10 ms: each has a line where the other one's cell is empty."""
+    stamps = np.sort(np.concatenate([0.06 * np.arange(200), 0.061 * np.arange(200)]))
+    lines = [f"{stamp:.2f}\t{0.1 * np.cos(3 * stamp):.3f}" for stamp in stamps]
+    lines[3::7] = [f"{line.partition(chr(9))[0]}\t" for line in lines[3::7]]
+    path = tmp_path / "egen.txt"
+    path.write_text("\n".join(lines) + "\n")
+    found = read(path)
+    assert found.clock == "column1 [s]"
+    assert found.columns[0].series == "column2"
+
+
+def test_a_time_that_stands_still_is_none(tmp_path: Path) -> None:
+    """When a test began, beside the time, whose name has that of its data set before a colon."""
+    path = tmp_path / "knee.csv"
+    path.write_text("OSL:timestamp,angle,start_time\n" + rows(1744000602 + T, SWING, 0 * T, sign=",", digits=6))
+    assert read(path).recording.time == pytest.approx(T, abs=1e-5)
+
+
+def test_the_advice_takes_the_quickest_for_what_drives(tmp_path: Path) -> None:
+    """A chirp that is in two columns, and the slow angle of the rotor between them: the first was the position."""
+    time = np.arange(3000) / 1000
+    chirp = np.sin(40 * time**2 + time)
+    angle = np.cumsum(np.cumsum(chirp)) / 1e5
+    path = tmp_path / "rotor.txt"
+    path.write_text(rows(time, chirp, angle, chirp))
+    assert "--map position=column3, and a torque --map torque=column2 " in refused(path)
+
+
+def test_the_advice_without_times_has_the_input(tmp_path: Path) -> None:
+    path = tmp_path / "motor.csv"
+    path.write_text("input,output\n" + rows(np.sign(SWING), np.cumsum(np.sign(SWING)) / 30, sign=","))
+    assert "'FILE#rate-hz=100,position=output,voltage=input'" in refused(path)
