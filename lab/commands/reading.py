@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Files", "recordings_argument", "used"]
 
+MODELS = (
+    "joint (what a torque, a current or a voltage drives, or what swings freely), servo (what follows a goal), "
+    "oscillator (a mass on a spring, a bar that rings) and play (gears)"
+)
+"""what each base is, for one who does not know them"""
+
 
 @dataclass(frozen=True)
 class Files:
@@ -37,10 +43,24 @@ class Files:
         return read_recordings(paths, self.joint, self.terms, is_linear=base == "oscillator")
 
 
+def _recordings(ctx: click.Context, param: click.Parameter, paths: tuple[Path, ...]) -> tuple[Path, ...]:
+    """These; without any what is missing: the model, where a recording stands in its place."""
+    if paths or ctx.resilient_parsing:
+        return paths
+    first = str(ctx.params.get("model", ""))
+    if Path(first.partition("#")[0]).exists() and Path(first).suffix.lower() != ".toml":
+        raise click.UsageError(
+            f"found no model before {first}, expected a base or a model file first, as in {ctx.command_path} joint "
+            f"{first}; the bases are {MODELS}"
+        )
+    raise click.MissingParameter(ctx=ctx, param=param)
+
+
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
     """The argument REC... with ``--joint`` and ``--map``, which the command gets as ``recordings``, of type Files."""
 
-    @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path, readable=False), metavar="REC...")
+    @click.argument("paths", nargs=-1, type=click.Path(path_type=Path, readable=False), metavar="REC...",
+                    callback=_recordings)  # fmt: skip
     @click.option("--joint", default="", metavar="NAME", help="Which joint, where a recording has several.")
     @click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
                   help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab.commands.reading import Files, used
 from lostmotion.lab.errors import ExperimentError
@@ -40,3 +42,11 @@ def test_warnings_before_a_refusal_are_printed(tmp_path: Path, caplog: pytest.Lo
     with pytest.raises(ExperimentError, match="short"), used("joint", Files(tuple(paths))):
         pass
     assert any("no torque was found" in one for one in caplog.messages)
+
+
+def test_a_recording_in_the_place_of_the_model(tmp_path: Path) -> None:
+    """Who types only a recording reads which models there are; without one it is the recordings that are missing."""
+    path = str(written(tmp_path, "arm.csv"))
+    told = CliRunner().invoke(cli, ["lab", "explain", path]).stderr
+    assert f"lab explain joint {path}; the bases are joint (what a torque" in told
+    assert "found no 'REC...'" in CliRunner().invoke(cli, ["lab", "explain", "joint"]).stderr
