@@ -167,9 +167,10 @@ other segments are surely followed.  If all count, gears with Coulomb friction a
 MISSED = 3.0
 """Times the usual error, above which a segment is missed: it has no weight in the parameters, its initial state is
 searched for again, and its error is clipped there, as the error of a motion that cannot be simulated is infinite;
-and times the noise, or the error of the shortest segments, above which a fit has lost the motion.  A motion counts as
-not yet free where the error of its acceleration is that large: simulated pendulums that are held for half a second
-and more reach 4.7 to 40 times, those that are free from the first sample at most 1.2."""
+and times the noise, or the error of the shortest segments, above which a fit has lost the motion: no pair of gears
+begins early with one that has lost the shortest segments.  A motion counts as not yet free where the error of its
+acceleration is that large: simulated pendulums that are held for half a second and more reach 4.7 to 40 times, those
+that are free from the first sample at most 1.2."""
 
 # Gears: which effects are tried, and how far
 

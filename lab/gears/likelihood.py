@@ -152,7 +152,8 @@ class ShortSegments:
             if now.is_far and now.level is not now.short:
                 scores = self._scores(now.level, may)
             trials += near_trials(now.level, scores.significant[: policy.FINISHED], task, pool)
-        yield self._validated(self._with_range(trials, now, may), now, scores)
+        first = self._validated(self._with_range(trials, now, may), now, scores)
+        yield replace(first, has_more=now.is_far)
         if now.is_far or (scores.significant and now.rms > now.floor):
             yield from self._followed(now, may, scores)
 
@@ -165,7 +166,8 @@ class ShortSegments:
             lower = [one for one in found if one.effect not in minima or _is_lower(one, minima[one.effect])]
             minima |= {one.effect: one for one in reversed(lower)}
             for trials in observer_trials(lower, self.task, self.pool):
-                yield (last := self._validated(self._longer(trials), now, scores))
+                last = self._validated(self._longer(trials), now, scores)
+                yield replace(last, has_more=now.is_far)
         if minima and now.is_far and not is_over():
             yield replace(last, fits=[], begin=self._begin(min(minima.values(), key=lambda one: one.cost)))
 
@@ -211,11 +213,12 @@ class ShortSegments:
             scores.detectable,
         )
 
-    def accepted(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
-        """The fit on longer segments; with another effect that delays a signal, where that one predicts better."""
+    def accepted(self, fit: SegmentFit, now: SegmentFit, *, is_first: bool = False) -> SegmentFit:
+        """The fit on longer segments; with another effect that delays a signal, where that one predicts better: not of
+        the first effect of a pair, as no segment is followed without the second one."""
         if math.isfinite(fit.floor):
             return fit
-        fit = self._with_best_delay(fit, now)
+        fit = fit if is_first else self._with_best_delay(fit, now)
         return replace(fit, level=grown(fit.level, self.task), floor=self._floor(fit.short))
 
     def _with_best_delay(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:

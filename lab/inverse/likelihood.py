@@ -170,7 +170,7 @@ class WholeMotion:
         finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), fits[:many])]
         return [*finished, *fits[len(finished) :]]
 
-    def accepted(self, fit: Fitted, now: Fitted) -> Fitted:
+    def accepted(self, fit: Fitted, now: Fitted, *, is_first: bool = False) -> Fitted:
         """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with
         the transmitted torque that the model needs with it."""
         if self.method is Method.MOTION:

@@ -8,7 +8,7 @@ enough; those that later ones have made superfluous are eliminated (backward.py)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -48,8 +48,7 @@ def selected(
     with within(policy.STAGE_SHARE * remaining_s()):
         while len(added) < policy.MOST_EFFECTS:
             progress("looking for more" if added else "looking for what is missing", 0.15 + 0.12 * len(added))
-            found = step(now, tuple(added), likelihood)
-            several = [found] if found.is_accepted else _pair(found, now, tuple(added), likelihood)
+            found, several = _advanced(now, tuple(added), likelihood)
             steps += several or [found]
             for one in several:
                 now = likelihood.accepted(one.judged[0].fit, now)
@@ -67,16 +66,54 @@ def selected(
 
 def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
     """Judges the candidates against the present fit; only: see ``proposals``."""
+    ranked = Step[F](())
+    for ranked in _batches(now, added, likelihood, only):
+        if ranked.is_accepted:
+            break
+    return ranked
+
+
+def _batches(
+    now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()
+) -> Iterator[Step[F]]:  # fmt: skip
+    """The candidates of all batches of proposals so far, after each batch."""
     found, ranked = list[tuple[str, F]](), Step[F](())
     for batch in likelihood.proposals(now, added, only):
         found += batch.fits
         ranked = replace(
             _ranked(found, batch.rejected, now, likelihood) if batch.fits else ranked,
             untried=batch.untried, rejected=batch.rejected, detectable=batch.detectable, begin=batch.begin,
+            has_more=batch.has_more,
         )  # fmt: skip
-        if ranked.is_accepted:
-            break
-    return ranked
+        yield ranked
+
+
+def _advanced(now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> tuple[Step[F], list[Step[F]]]:
+    """The candidates of a step, and the steps of what is accepted: of one effect, of a pair, or none.
+
+    After each batch without success a pair is tried that begins with the leading candidate, before the search goes on
+    with the next batch; its second effect is of the first batch.
+    """
+    found, tried = Step[F](()), set[str]()
+    for found in _batches(now, added, likelihood):
+        if found.is_accepted:
+            return found, [found]
+        leading = _leading(found, now, likelihood) if found.has_more else None
+        if leading and leading.effect not in tried and leading.fit.screened < policy.MISSED:
+            tried.add(leading.effect)
+            if pair := _pair_from(leading, (), found, now, added, likelihood, is_quick=True):
+                return found, pair
+    return found, _pair(found, now, added, likelihood)
+
+
+def _leading(found: Step[F], now: F, likelihood: Likelihood[F]) -> Candidate[F] | None:
+    """The candidate that explains most of what proposes candidates, of equals one that ``_is_preferred``; None where
+    none explains more than the present fit."""
+    best = min((one.fit.screened for one in found.judged), default=math.inf)
+    promising = [one for one in found.judged if not policy.is_less(best, one.fit.screened)]
+    if not policy.is_less(best, now.screened):
+        return None
+    return min(promising, key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.screened), default=None)
 
 
 def _ranked(
@@ -160,13 +197,10 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
     significant, a pair begins with the ``begin`` of the step.
     """
     alone = {one.effect: one for one in step_alone.judged}
-    best = min((one.fit.screened for one in alone.values()), default=math.inf)
-    promising = [one for one in alone.values() if not policy.is_less(best, one.fit.screened)]
-    promising = promising if policy.is_less(best, now.screened) else []
-    promising = promising or [one for one in alone.values() if one.takes_too_little][:1]
+    leading = _leading(step_alone, now, likelihood)
+    leading = leading or next((one for one in step_alone.judged if one.takes_too_little), None)
     tries: list[tuple[Candidate[F], Sequence[str]]] = []
-    if promising and likelihood.tries_pairs(added):
-        leading = min(promising, key=lambda one: (not _is_preferred(one, likelihood.turns), one.fit.screened))
+    if leading and likelihood.tries_pairs(added):
         tries.append((leading, ()))
     if (dampings := likelihood.damping_pair(now)) and alone.keys() >= {*dampings}:
         tries.append((alone[dampings[0]], dampings[1:]))
@@ -180,12 +214,14 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
 
 def _pair_from(
     begun: Candidate[F], only: Sequence[str], step_alone: Step[F], now: F, added: tuple[str, ...],
-    likelihood: Likelihood[F],
+    likelihood: Likelihood[F], *, is_quick: bool = False,
 ) -> list[Step[F]]:  # fmt: skip
-    """The steps of the pair that begins with a candidate, none where it is not significant; only: see ``proposals``."""
+    """The steps of the pair that begins with a candidate, none where it is not significant; only: see ``proposals``;
+    is_quick: its second effect is of the first batch of proposals."""
     alone = {one.effect: one for one in step_alone.judged}
-    first = replace(begun, fit=likelihood.accepted(begun.fit, now))
-    second = step(first.fit, (*added, first.effect), likelihood, only)
+    first = replace(begun, fit=likelihood.accepted(begun.fit, now, is_first=True))
+    batches = _batches(first.fit, (*added, first.effect), likelihood, only)
+    second = next(batches, Step[F](())) if is_quick else step(first.fit, (*added, first.effect), likelihood, only)
     if not second.is_accepted:
         return []
     both = second.judged[0]

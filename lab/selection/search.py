@@ -29,6 +29,8 @@ class Proposals(Generic[F]):
     """By effect, the name of a parameter and its value from which on these data would have shown the effect."""
     begin: tuple[str, F] | None = None
     """An effect, and a fit with it, with which a pair may begin where no fit follows the data well enough to choose."""
+    has_more: bool = False
+    """Whether another batch follows where none of these is accepted."""
 
 
 class Likelihood(Protocol[F]):
@@ -61,8 +63,9 @@ class Likelihood(Protocol[F]):
         """Two effects that are tried as a pair wherever neither is accepted alone, () for none: see
         ``nesting.damping_pair``."""
 
-    def accepted(self, fit: F, now: F) -> F:
-        """The fit with an effect that was accepted, from which the search goes on."""
+    def accepted(self, fit: F, now: F, *, is_first: bool = False) -> F:
+        """The fit with an effect that was accepted, from which the search goes on; is_first: with the first effect of a
+        pair, whose second one is looked for."""
 
     def refitted(self, model: Model, fit: F) -> F:
         """The fit of a model with less than that of a fit, from its values."""
@@ -85,7 +88,7 @@ class Likelihood(Protocol[F]):
 
 @dataclass(frozen=True, eq=False)
 class Step(Generic[F]):
-    """One step of the search; untried, rejected, detectable, begin: see ``Proposals``."""
+    """One step of the search; untried, rejected, detectable, begin, has_more: see ``Proposals``."""
 
     judged: tuple[Candidate[F], ...]
     """The candidates, best first."""
@@ -95,6 +98,7 @@ class Step(Generic[F]):
     rejected: tuple[str, ...] = ()
     detectable: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     begin: tuple[str, F] | None = None
+    has_more: bool = False
 
     @property
     def is_accepted(self) -> bool:

@@ -196,7 +196,7 @@ class Linear(ShortSegments):
         """As they are."""
         return list(trials)
 
-    def accepted(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
+    def accepted(self, fit: SegmentFit, now: SegmentFit, *, is_first: bool = False) -> SegmentFit:
         """As it is."""
         return replace(fit, floor=1.0)
 

@@ -17,7 +17,7 @@ from lostmotion.lab.gears.score_test import Direction, Scores
 from lostmotion.lab.gears.unseen import Unseen
 from lostmotion.lab.selection.backward import eliminated
 from lostmotion.lab.selection.nesting import without
-from lostmotion.lab.selection.search import Selection
+from lostmotion.lab.selection.search import Proposals, Selection
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from tests.lab.simulated_gears import GEARS, gears
@@ -67,7 +67,7 @@ def test_where_candidates_are_looked_for(
     monkeypatch.setattr(f"{found}.score_test", score)
     monkeypatch.setattr(f"{found}.search_effects", observed)
     monkeypatch.setattr(f"{found}.with_clipping", lambda *rest: None)
-    monkeypatch.setattr(ShortSegments, "_validated", lambda *rest: None)
+    monkeypatch.setattr(ShortSegments, "_validated", lambda *rest: Proposals([]))
     levels: Any = [SimpleNamespace(name=name, typical=typical, model=build_model("play"))
                    for name, typical in (("short", short), ("longest", longest))]  # fmt: skip
     task: Any = SimpleNamespace(substep_s=1e-3, experiments=())

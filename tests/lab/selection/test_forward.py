@@ -83,7 +83,7 @@ class Columns:
         may = [name for name in others(now.model) if name in self.columns]
         yield Proposals([(name, self.fit([*now.model.effects, name])) for name in may])
 
-    def accepted(self, fit: Regressed, now: Regressed) -> Regressed:
+    def accepted(self, fit: Regressed, now: Regressed, *, is_first: bool = False) -> Regressed:
         """As it is."""
         return fit
 
@@ -271,6 +271,33 @@ def test_a_pair_begins_with_a_fit_that_a_proposal_names() -> None:
     both = Led(noise + 6.0 * (columns[FIRST] + columns[SECOND]), columns)
     assert set(selected(both, lambda what, part: None).added) == {FIRST, SECOND}
     assert not selected(Led(noise, columns), lambda what, part: None).added
+
+
+@pytest.mark.parametrize(("size", "names"), [(2.0, {FIRST, SECOND}), (4.0, {THIRD})])
+def test_a_pair_is_tried_before_the_next_batch(size: float, names: set[str]) -> None:
+    """A column of a later batch resembles the sum of two, and would be accepted alone, the last of a search.  The first
+    batch has one of the two: a pair begins with it where it leaves less than three times the noise."""
+
+    class Batched(Columns):
+        def proposals(
+            self, now: Regressed, added: tuple[str, ...], only: Sequence[str] = ()
+        ) -> Iterator[Proposals[Regressed]]:
+            (every,) = super().proposals(now, added)
+            fits = dict(every.fits)
+            if added:
+                yield Proposals([] if THIRD in added else every.fits)
+                return
+            yield Proposals([(FIRST, fits[FIRST])], has_more=True)
+            yield Proposals([(THIRD, fits[THIRD])])
+
+        def least_gain(self, fit: Regressed, now: Regressed) -> float:
+            return policy.FAR_GAIN if fit.rms > 2.0 else policy.LEAST_GAIN
+
+    columns = independent()
+    columns[THIRD] = columns[FIRST] + columns[SECOND] + 0.4 * columns[THIRD]
+    noise = np.random.default_rng(0).standard_normal(SAMPLES)
+    both = Batched(noise + size * (columns[FIRST] + columns[SECOND]), columns)
+    assert {*selected(both, lambda what, part: None).added} == names
 
 
 class Distinguished(Columns):
@@ -520,7 +547,7 @@ def test_what_the_last_recording_shows_is_noteliminated() -> None:
 class Halved(Columns):
     """A likelihood that goes on with another error of the same fit, as that of a whitened misfit."""
 
-    def accepted(self, fit: Regressed, now: Regressed) -> Regressed:
+    def accepted(self, fit: Regressed, now: Regressed, *, is_first: bool = False) -> Regressed:
         """With half of the error."""
         return replace(fit, left=fit.left / 2)
 
