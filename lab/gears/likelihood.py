@@ -20,7 +20,7 @@ from lostmotion.lab.data.clipping import RANGE, with_clipping
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.fit import fit_of, refined_fit
-from lostmotion.lab.fitting.strategy import grown, some_tiles, unfitted
+from lostmotion.lab.fitting.strategy import grown, settled, some_tiles, unfitted
 from lostmotion.lab.gears.score_test import Scores, score_test
 from lostmotion.lab.gears.trials import (
     FEW_STEPS,
@@ -218,8 +218,20 @@ class ShortSegments:
         the first effect of a pair, as no segment is followed without the second one."""
         if math.isfinite(fit.floor):
             return fit
-        fit = fit if is_first else self._with_best_delay(fit, now)
+        fit = self._settled(fit if is_first else self._with_best_delay(fit, now))
         return replace(fit, level=grown(fit.level, self.task), floor=self._floor(fit.short))
+
+    def _settled(self, fit: SegmentFit) -> SegmentFit:
+        """The fit after it was repeated, see ``settled``.
+
+        Every candidate beside a fit that has not come to its minimum comes nearer to it, and all of them seem to be
+        missing: beside a second mode at 233 Hz, which had come to 228.8 Hz with any of nine effects of no size, a
+        compliant shaft was named (seed 7900)."""
+        level = settled(fit.level, self.task)
+        if level is fit.level:
+            return fit
+        short = level if fit.short is fit.level else fit.short
+        return replace(fit, level=level, short=short, unseen=self.unseen.validate(level.model, fit.unseen))
 
     def _with_best_delay(self, fit: SegmentFit, now: SegmentFit) -> SegmentFit:
         """The fit with that effect of those that delay a signal which predicts best, and of those that predict as well
