@@ -124,7 +124,7 @@ class Recording:
 
     def times(self, rows: NDArray[np.bool_]) -> FloatArray:
         """Times [s] of these rows (M,), evened where they were rounded to coarse ticks."""
-        return evened(self.time[rows], [values[rows] for values in self.columns.values()])
+        return evened(self.time[rows], lambda: (values[rows] for values in self.columns.values()))
 
     def number(self, key: str, default: float) -> float:
         """A number of the metadata, 0 or more, or else the default.  Raises RecordingError for anything else."""

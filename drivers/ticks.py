@@ -8,13 +8,17 @@ or two apart, which looks as if samples were missing.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
+from itertools import pairwise
 
 import numpy as np
 
 from lostmotion.drivers.base import FloatArray
 
 __all__ = ["COARSE", "Ticks", "coarser", "evened"]
+
+Columns = Callable[[], Iterable[FloatArray]]
+"""returns what was read at some times (N,), each (N,): few recordings need it"""
 
 COARSE = 0.1
 """in periods: a clock of finer ticks is exact enough to be taken at its word"""
@@ -73,10 +77,10 @@ def coarser(stamps: FloatArray, tick: float, period: float) -> float:
     return max(float(np.gcd.reduce(np.rint(steps).astype(np.int64))) * tick, tick)
 
 
-def evened(times: FloatArray, columns: Sequence[FloatArray] = ()) -> FloatArray:
+def evened(times: FloatArray, columns: Columns = tuple) -> FloatArray:
     """Times [s] that ascend, shape (N,), without the rounding to coarse ticks, where they show that they are rounded:
     all steps are whole numbers of a tick, and the longer ones come in a regular pattern.  Others as they are.
-    columns: what was read then, each (N,).
+    columns: returns what was read then.
 
     Lost samples make longer steps, too, but not regularly.  Times with so many digits (10.63, 110.6) have a tick for
     each power of ten.
@@ -87,13 +91,19 @@ def evened(times: FloatArray, columns: Sequence[FloatArray] = ()) -> FloatArray:
     if whole is not times:
         return whole
     powers = 10.0 ** np.arange(math.floor(math.log10(times[-1] - times[0])) - 1, math.log10(np.abs(times).max()) + 1)
-    ends = np.searchsorted(times, powers)
-    parts, read = np.split(times, ends), [np.split(each, ends) for each in columns]
-    found = [_evened(part, [each[k] for each in read]) for k, part in enumerate(parts)]
+    ends = [0, *np.searchsorted(times, powers).tolist(), len(times)]
+    spans = [slice(first, last) for first, last in pairwise(ends)]
+    parts = [times[span] for span in spans]
+    found = [_evened(part, _within(columns, span)) for part, span in zip(parts, spans, strict=True)]
     return times if all(new is old for new, old in zip(found, parts, strict=True)) else np.concatenate(found)
 
 
-def _evened(times: FloatArray, columns: Sequence[FloatArray]) -> FloatArray:
+def _within(columns: Columns, span: slice) -> Columns:
+    """What was read within a span of the rows."""
+    return lambda: (each[span] for each in columns())
+
+
+def _evened(times: FloatArray, columns: Columns) -> FloatArray:
     """Times of one tick."""
     steps = np.diff(times)
     if len(times) < LEAST_ROWS or not steps.any():
@@ -113,14 +123,14 @@ def _evened(times: FloatArray, columns: Sequence[FloatArray]) -> FloatArray:
     return even - tick / 2
 
 
-def _of_bursts(times: FloatArray, columns: Sequence[FloatArray]) -> FloatArray:
+def _of_bursts(times: FloatArray, columns: Columns) -> FloatArray:
     """Times [s] of samples that mostly arrived several at once, and have the stamp of their arrival: even ones, where
     the stamps stay as close to these as bursts follow each other; not where nothing was read between bursts."""
     number, steps = np.arange(len(times)), np.sort(np.diff(times))
     even = np.polyval(np.polyfit(number, times, 1), number)
     apart = steps[np.searchsorted(np.cumsum(steps), steps.sum() / 2)]  # half of the time is in steps as long as this
     is_burst = np.sum(steps >= apart) >= LEAST_BURSTS and np.std(times - even) <= apart
-    return np.asarray(even) if is_burst and not any(_pauses(times, each, apart) for each in columns) else times
+    return np.asarray(even) if is_burst and not any(_pauses(times, each, apart) for each in columns()) else times
 
 
 def _pauses(times: FloatArray, values: FloatArray, apart: float) -> bool:
