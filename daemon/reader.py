@@ -104,11 +104,9 @@ def _refusal(path: Path) -> str:
     if not stat.S_ISREG(mode):
         here = "" if path.is_absolute() else ", in the working folder"
         return f"no database there{here}; start `lostmotion run` first, or name its configuration"
-    return (
-        ""
-        if os.access(path, os.R_OK, effective_ids=True)
-        else f"cannot be read: {os.strerror(errno.EACCES)}; {FOREIGN}"
-    )
+    if not os.access(path, os.R_OK, effective_ids=True):
+        return f"cannot be read: {os.strerror(errno.EACCES)}; {FOREIGN}"
+    return ""
 
 
 def empty_reader() -> Reader:

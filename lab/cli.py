@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lostmotion.drivers.pipes import refuse_two_documents
-from lostmotion.lab.commands.options import json_option
+from lostmotion.lab.commands.options import FILE, json_option
 from lostmotion.lab.commands.table import print_table
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
 
 @click.command()
 @click.argument("model")
-@click.option("-o", "--output", type=click.Path(path_type=Path, readable=False), required=True, metavar="REC",
+@click.option("-o", "--output", type=FILE, required=True, metavar="REC",
               help="File to write; - is stdout.")  # fmt: skip
 @click.option("--motion", metavar="TEXT", help="hand-waved:7 (seed), sine:6,0.02 (Hz, rad), chirp:…, step:…, or free.")
 @click.option("--duration", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="Length [s].")

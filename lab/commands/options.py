@@ -12,10 +12,12 @@ from typing import Any
 import click
 
 __all__ = [
-    "SearchOptions", "curves_option", "executor_option", "json_option",
+    "FILE", "SearchOptions", "curves_option", "executor_option", "json_option",
     "model_argument", "output_option", "progress_option", "report_option", "search_options",
 ]  # fmt: skip
 
+FILE = click.Path(path_type=Path, readable=False)
+"""not tried here: who reads the file says why it cannot be read"""
 UNITS_S = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -45,20 +47,15 @@ def _no_pipe(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
 
 
 output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path, readable=False), required=True, metavar="MODEL2",
+    "-o", "--output", type=FILE, required=True, metavar="MODEL2",
     callback=_no_pipe, help="Model file to write.",
 )  # fmt: skip
 executor_option = click.option(
     "--executor", metavar="SPEC", help="Where to compute: threads:N, processes:N or dask=HOST:PORT.  [default: threads]"
 )
-report_option = click.option(
-    "--report",
-    type=click.Path(path_type=Path, readable=False),
-    metavar="F.html",
-    help="Write a report to open in a browser.",
-)
+report_option = click.option("--report", type=FILE, metavar="F.html", help="Write a report to open in a browser.")
 curves_option = click.option(
-    "--curves", type=click.Path(path_type=Path, readable=False), metavar="F.json",
+    "--curves", type=FILE, metavar="F.json",
     help="Write what the report draws over time: measured, modelled, and modelled without what was found.",
 )  # fmt: skip
 budget_option = click.option(

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lostmotion.lab.commands.options import FILE
+
 if TYPE_CHECKING:
     from lostmotion.drivers.recording import Recording
     from lostmotion.lab.data.experiment import Experiment
@@ -59,7 +61,7 @@ def _recordings(ctx: click.Context, param: click.Parameter, paths: tuple[Path, .
 def recordings_argument(command: Callable[..., None]) -> Callable[..., None]:
     """The argument REC... with ``--joint`` and ``--map``, which the command gets as ``recordings``, of type Files."""
 
-    @click.argument("paths", nargs=-1, type=click.Path(path_type=Path, readable=False), metavar="REC...",
+    @click.argument("paths", nargs=-1, type=FILE, metavar="REC...",
                     callback=_recordings)  # fmt: skip
     @click.option("--joint", default="", metavar="NAME", help="Which joint, where a recording has several.")
     @click.option("--map", "terms", multiple=True, metavar="COLUMN=SERIES[:UNIT]",
