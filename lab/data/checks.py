@@ -9,7 +9,7 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["FLAT_SHARE", "LEAST_SAMPLES", "check_goal", "check_output", "check_rate"]
+__all__ = ["FLAT_SHARE", "LEAST_SAMPLES", "SHORTEST_S", "check_goal", "check_output", "check_rate"]
 
 LEAST_SAMPLES = 50
 """Least number of samples of an input or an output."""
@@ -19,9 +19,11 @@ RAILS_SHARE = 0.5
 """Share of the samples at the largest or the smallest value, above which a signal is saturated."""
 COPIED, COPIED_ROWS = 0.9, 3
 """Share of the rows in motion, above which a goal is a copy of the position; and how many rows it is ahead at most."""
-GEARS_HZ = 32.0
-"""Least number of samples a second of gears: eight in the shortest segments that are fitted (0.25 s, see ``FIRST_S`` in
-shooting/continuation.py).  Their motion has four initial values, which else leave no samples to estimate the noise."""
+SHORTEST_S = 0.25
+"""Length of the shortest segments in which gears are fitted [s]."""
+GEARS_HZ = 8 / SHORTEST_S
+"""Least number of samples a second of gears: eight in the shortest segments.  Their motion has four initial values,
+which else leave no samples to estimate the noise."""
 
 
 def check_goal(recording: Recording) -> None:
@@ -68,12 +70,11 @@ def check_output(name: str, column: str, values: FloatArray) -> None:
         )
 
 
-def check_rate(name: str, time: FloatArray) -> None:
+def check_rate(name: str, rate_hz: float) -> None:
     """Raises ExperimentError for gears that were sampled too slowly to be fitted in segments."""
-    hz = 1 / float(np.median(np.diff(time)))
-    if hz < GEARS_HZ:
+    if rate_hz < GEARS_HZ:
         raise ExperimentError(
-            f"{name}: found {hz:.3g} samples a second, expected at least {GEARS_HZ:g}: what the teeth of a gear do is "
-            "over in a quarter of a second; are the times in seconds? Of a slow recording the base 'joint' (torque and "
-            "position) or 'servo' (command and position) can be asked"
+            f"{name}: found {rate_hz:.3g} samples a second, expected at least {GEARS_HZ:g}: what the teeth of a gear "
+            "do is over in a quarter of a second; are the times in seconds? Of a slow recording the base 'joint' "
+            "(torque and position) or 'servo' (command and position) can be asked"
         )

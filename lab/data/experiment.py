@@ -193,14 +193,15 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
     measured = {name: recording.columns[name][rows] for name in outputs}
     for name, values in measured.items():
         check_output(recording.name, name, values)
-    if model.base == "play":
-        check_rate(recording.name, time[rows])
-    return Experiment(
+    experiment = Experiment(
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
         _drive_unit(model.base, recording, column) if drive is not None else "",
         step,
     )  # fmt: skip
+    if model.base == "play":
+        check_rate(recording.name, experiment.rate_hz)
+    return experiment
 
 
 def _outputs(recording: Recording, base: str) -> list[str]:

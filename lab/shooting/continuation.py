@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab import policy
+from lostmotion.lab.data.checks import SHORTEST_S
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.shooting.least_squares import Problem, minimise
@@ -37,7 +38,7 @@ __all__ = [
     "tiles",
 ]
 
-FIRST_S = {"play": 0.25, "joint": 1.0, "servo": 0.75}
+FIRST_S = {"play": SHORTEST_S, "joint": 1.0, "servo": 0.75}
 """By base, the largest length of the shortest segments [s], where the motion is chaotic, drifts, or may stick at the
 wrong place."""
 FIRST_SAMPLES = 1024

@@ -61,7 +61,7 @@ NUMERICS = {
     "observer/objective.py": (9, "what observers are run on, and a robust cost"),
     "parallel.py": (2, "waiting times"),
     "quantity.py": (3, "digits, the smallest probability that is shown"),
-    "shooting/continuation.py": (5, "length of the first segments, a robust cost"),
+    "shooting/continuation.py": (4, "length of the first segments, a robust cost"),
     "shooting/initial_guess.py": (1, "a finite difference"),
     "shooting/initial_state.py": (5, "grids of first values, steps of a fit"),
     "shooting/least_squares.py": (3, "a minimiser"),
