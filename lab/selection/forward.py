@@ -8,9 +8,9 @@ enough; those that later ones have made superfluous are eliminated (backward.py)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over, remaining_s, within
@@ -32,7 +32,7 @@ from lostmotion.lab.selection.search import Likelihood, Selection, Step
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 
-__all__ = ["named", "selected", "step"]
+__all__ = ["batches", "named", "selected", "until_accepted"]
 
 F = TypeVar("F", bound=Fit)
 
@@ -64,19 +64,18 @@ def selected(
     return eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
 
 
-def step(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Step[F]:
-    """Judges the candidates against the present fit; only: see ``proposals``."""
-    ranked = Step[F](())
-    for ranked in _batches(now, added, likelihood, only):
-        if ranked.is_accepted:
+def until_accepted(steps: Iterable[Step[F]]) -> Step[F]:
+    """The first of these in which a candidate is accepted, else the last one."""
+    found = Step[F](())
+    for found in steps:
+        if found.is_accepted:
             break
-    return ranked
+    return found
 
 
-def _batches(
-    now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()
-) -> Iterator[Step[F]]:  # fmt: skip
-    """The candidates of all batches of proposals so far, after each batch."""
+def batches(now: F, added: tuple[str, ...], likelihood: Likelihood[F], only: Sequence[str] = ()) -> Iterator[Step[F]]:
+    """The candidates beside the present fit, judged after each batch of proposals: those of all batches so far; only:
+    see ``proposals``."""
     found, ranked = list[tuple[str, F]](), Step[F](())
     for batch in likelihood.proposals(now, added, only):
         found += batch.fits
@@ -94,16 +93,17 @@ def _advanced(now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> tupl
     After each batch without success a pair is tried that begins with the leading candidate, before the search goes on
     with the next batch; its second effect is of the first batch.
     """
-    found, tried = Step[F](()), set[str]()
-    for found in _batches(now, added, likelihood):
+    found, pairs = Step[F](()), dict[str, _Pair[F]]()
+    for found in batches(now, added, likelihood):
         if found.is_accepted:
             return found, [found]
-        leading = _leading(found, now, likelihood) if found.has_more else None
-        if leading and leading.effect not in tried and leading.fit.screened < policy.MISSED:
-            tried.add(leading.effect)
-            if pair := _pair_from(leading, (), found, now, added, likelihood, is_quick=True):
-                return found, pair
-    return found, _pair(found, now, added, likelihood)
+        leading = _leading(found, now, likelihood) if found.has_more and likelihood.tries_pairs(added) else None
+        if leading and leading.effect not in pairs and leading.fit.screened < policy.MISSED:
+            pairs[leading.effect] = pair = _pair_with(leading, (), now, added, likelihood)
+            pair.second = next(pair.rest, pair.second)
+            if steps := _steps_of(pair, found, now, likelihood):
+                return found, steps
+    return found, _pair(found, now, added, likelihood, pairs)
 
 
 def _leading(found: Step[F], now: F, likelihood: Likelihood[F]) -> Candidate[F] | None:
@@ -187,16 +187,48 @@ def _is_preferred(one: Candidate[F], turns: float) -> bool:
     return (f"{one.effect}.N" in one.fit.model.parameters) == (turns >= SHAFT_TURNS)
 
 
-def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likelihood[F]) -> list[Step[F]]:
+@dataclass(eq=False)
+class _Pair(Generic[F]):
+    """A pair that begins with a candidate, and its second effect as far as that was searched."""
+
+    begun: Candidate[F]
+    first: Candidate[F]
+    """The candidate with the fit from which the second effect is searched."""
+    rest: Iterator[Step[F]]
+    """The batches of the second effect that were not tried."""
+    second: Step[F] = field(default_factory=lambda: Step(()))
+
+
+def _pair_with(
+    begun: Candidate[F], only: Sequence[str], now: F, added: tuple[str, ...], likelihood: Likelihood[F]
+) -> _Pair[F]:  # fmt: skip
+    """The pair that begins with a candidate; only: see ``proposals``."""
+    first = replace(begun, fit=likelihood.accepted(begun.fit, now, is_first=True))
+    return _Pair(begun, first, batches(first.fit, (*added, first.effect), likelihood, only))
+
+
+def _pair(
+    step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likelihood[F], tried: Mapping[str, _Pair[F]]
+) -> list[Step[F]]:  # fmt: skip
     """The steps of a pair of effects, where neither is significant alone; none where no pair is.
 
     A pair is tested against neither effect, corrected for all pairs, and against each effect alone.  Its first effect
     is the one that explains most of what proposes candidates, of equals one that ``_is_preferred``: gravity without
     damping is out of phase after some swings, and predicts nothing.  Where none explains more than the present fit, it
     is the best one that only takes too little to be named.  Another pair is the ``damping_pair``.  Where neither is
-    significant, a pair begins with the ``begin`` of the step.
+    significant, a pair begins with the ``begin`` of the step.  tried: the pairs whose first batch was tried, by their
+    first effect; the search goes on with the next one.
     """
     alone = {one.effect: one for one in step_alone.judged}
+
+    def steps(begun: Candidate[F], only: Sequence[str]) -> list[Step[F]]:
+        pair = None if only else tried.get(begun.effect)
+        if pair is None or pair.begun.fit is not begun.fit:
+            pair = _pair_with(begun, only, now, added, likelihood)
+        if not pair.second.is_accepted:
+            pair.second = until_accepted(pair.rest)
+        return _steps_of(pair, step_alone, now, likelihood)
+
     leading = _leading(step_alone, now, likelihood)
     leading = leading or next((one for one in step_alone.judged if one.takes_too_little), None)
     tries: list[tuple[Candidate[F], Sequence[str]]] = []
@@ -204,24 +236,17 @@ def _pair(step_alone: Step[F], now: F, added: tuple[str, ...], likelihood: Likel
         tries.append((leading, ()))
     if (dampings := likelihood.damping_pair(now)) and alone.keys() >= {*dampings}:
         tries.append((alone[dampings[0]], dampings[1:]))
-    found = [pair for one in tries if (pair := _pair_from(*one, step_alone, now, added, likelihood))]
+    found = [pair for one in tries if (pair := steps(*one))]
     if step_alone.begin and not found:
         effect, fit = step_alone.begin
         known = alone.get(effect, Candidate(effect, fit, gain=0.0, p_value=1.0, blocks=1))
-        return _pair_from(replace(known, fit=fit), (), step_alone, now, added, likelihood)
+        return steps(replace(known, fit=fit), ())
     return min(found, key=lambda two: two[1].judged[0].fit.rms, default=[])
 
 
-def _pair_from(
-    begun: Candidate[F], only: Sequence[str], step_alone: Step[F], now: F, added: tuple[str, ...],
-    likelihood: Likelihood[F], *, is_quick: bool = False,
-) -> list[Step[F]]:  # fmt: skip
-    """The steps of the pair that begins with a candidate, none where it is not significant; only: see ``proposals``;
-    is_quick: its second effect is of the first batch of proposals."""
-    alone = {one.effect: one for one in step_alone.judged}
-    first = replace(begun, fit=likelihood.accepted(begun.fit, now, is_first=True))
-    batches = _batches(first.fit, (*added, first.effect), likelihood, only)
-    second = next(batches, Step[F](())) if is_quick else step(first.fit, (*added, first.effect), likelihood, only)
+def _steps_of(pair: _Pair[F], step_alone: Step[F], now: F, likelihood: Likelihood[F]) -> list[Step[F]]:
+    """The steps of a pair, none where it is not significant."""
+    alone, first, second = {one.effect: one for one in step_alone.judged}, pair.first, pair.second
     if not second.is_accepted:
         return []
     both = second.judged[0]

@@ -14,7 +14,7 @@ from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.strategy import full_fit
 from lostmotion.lab.gears.likelihood import ShortSegments
 from lostmotion.lab.gears.unseen import Unseen
-from lostmotion.lab.selection.forward import step
+from lostmotion.lab.selection.forward import batches, until_accepted
 from lostmotion.lab.shooting.task import Task
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
@@ -49,7 +49,7 @@ def test_an_end_that_one_segment_reaches_is_found(largest: float) -> None:
     with ThreadPoolExecutor(2) as pool:
         unseen = Unseen(held[2], task, 0.5, pool)
         likelihood = ShortSegments(level, unseen)
-        found = step(likelihood.first, (), likelihood)
+        found = until_accepted(batches(likelihood.first, (), likelihood))
     assert found.is_accepted == np.isfinite(largest)
     if found.is_accepted:
         best = found.judged[0]

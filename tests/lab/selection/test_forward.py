@@ -300,6 +300,34 @@ def test_a_pair_is_tried_before_the_next_batch(size: float, names: set[str]) -> 
     assert {*selected(both, lambda what, part: None).added} == names
 
 
+def test_a_pair_that_was_begun_is_not_begun_again() -> None:
+    """The second effect is of the second batch beside the first one.  At the end of the step the pair goes on there."""
+    begun = list[str]()
+
+    class Late(Columns):
+        def proposals(
+            self, now: Regressed, added: tuple[str, ...], only: Sequence[str] = ()
+        ) -> Iterator[Proposals[Regressed]]:
+            (every,) = super().proposals(now, added)
+            fits = dict(every.fits)
+            first, second = (THIRD, SECOND) if added else (FIRST, THIRD)
+            yield Proposals([(first, fits[first])] if first in fits else [], has_more=True)
+            yield Proposals([(second, fits[second])] if second in fits else [])
+
+        def accepted(self, fit: Regressed, now: Regressed, *, is_first: bool = False) -> Regressed:
+            begun.extend(fit.model.effects if is_first else [])
+            return fit
+
+        def least_gain(self, fit: Regressed, now: Regressed) -> float:
+            return policy.FAR_GAIN if fit.rms > 2.0 else policy.LEAST_GAIN
+
+    columns = independent()
+    noise = np.random.default_rng(0).standard_normal(SAMPLES)
+    both = Late(noise + 2.0 * (columns[FIRST] + columns[SECOND]), columns)
+    assert set(selected(both, lambda what, part: None).added) == {FIRST, SECOND}
+    assert begun == [FIRST]
+
+
 class Distinguished(Columns):
     """A last recording that the second column predicts worse than the first."""
 
