@@ -14,7 +14,7 @@ from lostmotion.lab.data.stand_ins import imported_columns
 from lostmotion.model import Model
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["is_of_motor", "of_voltage", "supplied"]
+__all__ = ["SUPPLIES", "is_of_motor", "of_voltage", "supplied"]
 
 FOLLOWS = 0.85
 """Share of the squared voltage that a line through zero takes, above which it is the motor's.  Of 12 recordings of a

@@ -134,7 +134,7 @@ class Signals:
         that the filter mixes both."""
         edge = min(round(EDGE * self._rate / self.band_hz), self.time.size // 4)
         found = np.arange(edge, self.time.size - edge, self._every)
-        moving = found[np.abs(self.velocity[found]) > self._rest_speed]
+        moving = found[np.abs(self.velocity[found]) > self.rest_speed]
         if moving.size < LEAST_SAMPLES * REGRESSORS:
             return found
         settled = moving[self._since_rest(moving) > SETTLED * self._rate / self.band_hz]
@@ -143,7 +143,7 @@ class Signals:
 
     def _since_rest(self, samples: NDArray[np.intp]) -> NDArray[np.intp]:
         """The number of samples to the next one at rest, or the next reversal, before or after each of these (K,)."""
-        slow = np.abs(self.velocity) <= self._rest_speed
+        slow = np.abs(self.velocity) <= self.rest_speed
         slow[1:] |= np.diff(np.sign(self.velocity)) != 0
         rests = np.concatenate([[-self.time.size], np.flatnonzero(slow), [2 * self.time.size]])
         after = np.searchsorted(rests, samples)
@@ -156,7 +156,7 @@ class Signals:
 
     def until_moved(self, share: float) -> float:
         """The time until which the part has made this share of its motion [s]: samples at rest do not count."""
-        moving = np.flatnonzero(np.abs(self.velocity) >= self._rest_speed)
+        moving = np.flatnonzero(np.abs(self.velocity) >= self.rest_speed)
         return float(self.time[moving[int(share * (moving.size - 1))]])
 
     @cached_property
@@ -186,7 +186,7 @@ class Signals:
         return max(round(self._rate / self.band_hz / PER_PERIOD), 1)
 
     @property
-    def _rest_speed(self) -> float:
+    def rest_speed(self) -> float:
         """The speed below which a sample counts as at rest, as the sign of its speed is unknown [rad/s]."""
         return policy.UNSURE_SPEED * rms(self.velocity)
 

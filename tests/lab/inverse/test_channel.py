@@ -214,3 +214,24 @@ def test_a_torque_of_one_size_along_the_motion_is_refused(reverses: bool) -> Non
     constant = replace(recorded, drive=Sampled(TIMES, np.full(TIMES.size, -2.0)))
     with pytest.raises(ExperimentError, match="found a torque of -2 at all times"):
         Channel.of([constant])
+
+
+@pytest.mark.parametrize(("constant_s", "is_told"), [(0.01, False), (0.1, True)])
+def test_a_supply_that_is_switched_to_and_fro_needs_samples_that_brake(constant_s: float, is_told: bool) -> None:
+    """A motor without dry friction, +-17 V with a ripple for 2 s each: with a time constant of 10 ms 0.3 % of the
+    samples brake, and the voltage was named as Coulomb friction of 17 V; 3 % tell the two apart.  A torque that was
+    measured may have one size: it is that of friction."""
+    time = np.arange(0.0, 20.0, 0.005)
+    rng = np.random.default_rng(1)
+    ideal = np.where(time % 4 < 2, 17.0, -17.0)
+    law = lambda t, y: [(ideal[min(int(t / 0.005), time.size - 1)] / 17 - y[0]) / constant_s]  # noqa: E731
+    speed = solve_ivp(law, (0.0, time[-1]), [0.0], "LSODA", time, rtol=1e-8, max_step=0.005).y[0]
+    angle_rad = np.cumsum(speed) * 0.005 + 1e-3 * rng.standard_normal(time.size)
+    volts = Sampled(time, ideal * (1 + 0.03 * rng.standard_normal(time.size)))
+    recorded = Experiment("motor.csv", volts, time, {"position": angle_rad}, drive_unit="V")
+    if is_told:
+        assert Channel.of([recorded]).band_hz > 0
+        return
+    with pytest.raises(ExperimentError, match=r"found a voltage of 1[67]\.\d* along the motion at all times"):
+        Channel.of([recorded])
+    assert Channel.of([replace(recorded, drive_unit="")]).band_hz > 0
