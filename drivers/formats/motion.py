@@ -230,8 +230,8 @@ def _bare(name: str) -> str:
 
 
 def with_angle(table: Table, choice: Choice) -> Table:
-    """A film's table with the angle of its point about the pivot, where x and y lie on a circle; so do two columns
-    beside the time that no names tell, on less than half of one."""
+    """A film's table with the angle of its point about the pivot in place of x and y, where these lie on a circle; so
+    do two columns beside the time that no names tell, on less than half of one."""
     moving = any(column_of(one.name) in MOTIONS for one in table.series)
     if moving or choice.is_linear or MOTIONS & set(choice.terms):
         return table
@@ -245,8 +245,9 @@ def with_angle(table: Table, choice: Choice) -> Table:
     angle = angle_about_pivot(*(np.asarray(loaded[name], dtype=float) for name in axes))
     if angle is None or (UNNAMED.fullmatch(axes[0]) and np.nanmax(np.abs(angle)) > np.pi / 2):
         return table
-    load = partial(_load, table, axes)
-    return replace(table, series=[*table.series, Series(FILMED, "rad")], load=load)
+    asked = {term.name for term in choice.terms.values()}
+    others = [one for one in table.series if one.name not in axes or one.name in asked]
+    return replace(table, series=[*others, Series(FILMED, "rad")], load=partial(_load, table, axes))
 
 
 def without_constant(table: Table, choice: Choice, still: Collection[str]) -> Table:

@@ -60,8 +60,9 @@ MATRIX = re.compile(rf"{OPENED.pattern}|[\];]\s*$")
 NAME = re.compile(r"[^\s(\[]\S*(?:\s*[(\[][^)\]]*[)\]])?")
 """among names that blanks separate, one with its unit in brackets"""
 
-TITLES = {"unit", "units"}
-"""what the line of units begins with, perhaps for each signal beside its times: ``Unit,V,Unit,V``"""
+TITLES = {"unit", "units", "y_unit_label"}
+"""what the line of units begins with, perhaps for each signal beside its times: ``Unit,V,Unit,V``; the last one in a
+measurement of LabVIEW (.lvm)"""
 FAR = re.compile(r"\s{2,}|\t")
 """between names that hold blanks themselves: ``Sample   Commanded Pos   Control Effort``"""
 
@@ -163,10 +164,18 @@ def _above(above: list[tuple[int, str]], before: int, comments: list[str], rows:
     else:
         units = []
     if names := next((names for names in reversed(found[-2:]) if names), []):
-        return _named_below(_timed(names, units), units) if units else (_unique(names), [""] * width)
+        return _named_below(_timed(names, units), units) if units else (_unique(names), _titled(above, rows))
     units = _units(_names_in(above[-1][1], rows), rows.comma) if above else []
     header, below = _commented(comments, rows)
     return header, [*(below or units), *[""] * width][:width]
+
+
+def _titled(above: list[tuple[int, str]], rows: Rows) -> list[str]:
+    """The units in the last line above the rows that says so in its first cell, and has one for each other column;
+    none where there is no such line."""
+    lines = ([cell.strip() for cell in cells_of(line.rstrip(), rows.separator)] for _, line in reversed(above))
+    said = (cells for cells in lines if cells[0].lower() in TITLES and len(cells) == rows.width)
+    return next((units for cells in said if (units := _units(cells, rows.comma))), [""] * rows.width)
 
 
 def _timed(names: list[str], units: list[str]) -> list[str]:

@@ -816,3 +816,37 @@ def test_the_advice_without_times_has_the_input(tmp_path: Path) -> None:
     path = tmp_path / "motor.csv"
     path.write_text("input,output\n" + rows(np.sign(SWING), np.cumsum(np.sign(SWING)) / 30, sign=","))
     assert "'FILE#rate-hz=100,position=output,voltage=input'" in refused(path)
+
+
+def test_a_measurement_of_labview_says_its_units_far_above_the_names(tmp_path: Path) -> None:
+    """The label of the units stands in the head of the channels; two lines of the head and the names lie between."""
+    path = tmp_path / "hammer.lvm"
+    head = "LabVIEW Measurement\t\nSeparator\tTab\nTime\t16:58:49.09\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
+    head += "Samples\t300\t300\t\nY_Unit_Label\tPounds\tg\t\nX_Dimension\tTime\tTime\t\nX0\t0.0E+0\t0.0E+0\t\n"
+    head += "***End_of_Header***\t\t\t\nX_Value\tForce\tAcceleration\tComment\n"
+    path.write_text(head + rows(T, 2 * SWING, SWING))
+    found = read(path).recording
+    assert found.columns["force"] == pytest.approx(2 * 4.4482216 * SWING, abs=1e-3)
+    assert found.columns["accel"] == pytest.approx(9.80665 * SWING, abs=1e-3)
+
+
+@pytest.mark.parametrize("header", ["t,x,y\n", ""])
+def test_what_the_angle_of_a_film_is_made_of_does_not_drive_it(header: str, tmp_path: Path) -> None:
+    """x and y, or two columns without names, are used by their angle: no note calls them unused."""
+    path = tmp_path / "film.csv"
+    path.write_text(header + rows(T, 0.4 * np.sin(SWING), -0.4 * np.cos(SWING), sign=",", digits=6))
+    found = read(path)
+    assert [one.series for one in found.columns] == ["angle(x, y)"]
+    assert not any("used" in note for note in found.notes)
+    axis = "x" if header else "column2"
+    assert read(path, f"accel={axis}").columns[-1].series == axis
+
+
+def test_a_refusal_with_several_accelerometers_says_how_to_assign_a_motion_too(tmp_path: Path) -> None:
+    """An inertial sensor on a part that turns: its angles have names that say nothing, its accelerations several."""
+    path = tmp_path / "imu.csv"
+    header = "Time,sensPitch,sensRoll,xAcc,yAcc\n"
+    path.write_text(header + rows(1e3 * T, SWING, SWING**2, 0.1 * SWING, -0.1 * SWING, sign=","))
+    said = refused(path)
+    assert "--map position=sensPitch" in said
+    assert "accel: not taken, found xAcc, yAcc; choose one with --map accel=xAcc" in said
