@@ -135,9 +135,9 @@ def guessed(
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
         axis = LINE if choice.is_linear else TURN
-        told = _several(notes)  # an accelerometer alone is enough for what moves along a line only
-        advice = told if told and choice.is_linear else _advice(series, clock, moving or {}, spans, axis)
-        advice = f"{advice}; {told}" if told and not choice.is_linear else advice
+        several = _several(notes)  # an accelerometer alone is enough for what moves along a line only
+        advised = "" if several and choice.is_linear else _advice(series, clock, moving or {}, spans, axis)
+        advice = "; ".join(filter(None, (advised, several)))
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     notes += _of_left([one for one in series if one.name != clock], chosen, notes, spans)
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
