@@ -41,6 +41,7 @@ FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
+NEAREST = "the goal that the position follows most closely"
 
 
 class _Axis(NamedTuple):
@@ -94,11 +95,13 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """joint: "" where the file names none; notes: what was not clear, and what else there was."""
+    """joint: "" where the file names none; notes: what was not clear, and what else there was; goals: that names tell
+    beside the command."""
 
     columns: Sequence[Chosen]
     joint: str
     notes: Sequence[str]
+    goals: Sequence[Chosen] = ()
 
 
 def guessed(
@@ -120,6 +123,7 @@ def guessed(
         if term.name and column != "time":
             chosen[column] = _chosen(column, *named(term, series, joint, name), "given")
     candidates = _beside_given(candidates, chosen)
+    goals: list[Chosen] = []
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if moving and column in moving and (column == "accel" or not MOTIONS & {*chosen}):
@@ -130,6 +134,7 @@ def guessed(
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
+            goals += [_chosen(column, one, Term(one.name), NEAREST) for one in found[1:] if column == "command"]
     more, told = _inferred(moved, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen, notes = chosen | more, notes + told
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
@@ -140,7 +145,7 @@ def guessed(
         advice = "; ".join(filter(None, (advised, several)))
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     notes += _of_left([one for one in series if one.name != clock], chosen, notes, spans)
-    return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes)
+    return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes, goals)
 
 
 def _beside_given(candidates: Mapping[str, Sequence[Series]], given: Mapping[str, Chosen]) -> dict[str, list[Series]]:

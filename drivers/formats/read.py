@@ -15,7 +15,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
-from lostmotion.drivers.formats.goal import goals
+from lostmotion.drivers.formats.goal import goals, nearest
 from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
     liveliest,
@@ -66,6 +66,7 @@ def imported(path: Path, choice: Choice) -> Imported:
     if isinstance(source, Table) and (constant := _constant(guess, samples)):
         source = without_constant(source, choice, constant)
         guess, samples, clock = _guessed(source, choice, path)
+    guess = nearest(guess, samples.values)
     kept, parts, told = _filled(guess.columns, samples, str(path))
     notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
     check_servo(kept, parts, str(path))
@@ -94,7 +95,7 @@ def _guessed(source: Source, choice: Choice, path: Path) -> tuple[Guess, Samples
         clock, spans = source.clock, source.spans
         moving = liveliest(source, choice) | without_inertia(source, choice)
     guess = guessed(source.series, choice, str(path), clock, moving, spans)
-    names = [one.series for one in guess.columns] + [one.name for one in _speeds(guess, source)]
+    names = [one.series for one in (*guess.columns, *guess.goals)] + [one.name for one in _speeds(guess, source)]
     return guess, source.read(names, choice), clock
 
 

@@ -151,3 +151,26 @@ def test_a_switched_input_without_a_name_is_told(levels: int, is_told: bool, tmp
     told = f"column2 has {levels} values and is not used, and the motion is taken as free"
     assert any(note.startswith(told) for note in found.notes) is is_told
     assert not is_told or read(path, "voltage=column2", "position=column3").recording.columns["voltage"].any()
+
+
+@pytest.mark.parametrize(("demand", "is_nearer"), [("profile", True), ("shifted", False), ("echo", False)])
+def test_of_several_goals_the_one_that_the_position_follows_is_the_command(
+    demand: str, is_nearer: bool, tmp_path: Path
+) -> None:
+    """A drive turns the steps that it was sent into a smooth motion, and asks for that: the first goal would need a
+    limit of the speed, or look like a weight.  A goal that is no nearer, or the position itself, changes nothing."""
+    target = np.where(T % 2 < 1, 30.0, -30.0)
+    turns, places = [0, 0.4, 1.0, 1.4, 2.0, 2.4, 3.0, 3.4, 4.0], [-30, 30, 30, -30, -30, 30, 30, -30, -30]
+    profile = np.interp(T, turns, places)
+    actual = np.interp(T - 0.01, T, profile)
+    other = {"profile": profile, "shifted": target + 1.0, "echo": actual}[demand]
+    path = tmp_path / "drive.csv"
+    header = "Time (s),Position Target (degrees),Position Demand (degrees),Position Actual (degrees)"
+    np.savetxt(path, np.column_stack([T, target, other, actual]), "%.6f", ",", header=header, comments="")
+    found = read(path)
+    names = ["Position Demand (degrees)", "Position Target (degrees)"]
+    taken, left = names if is_nearer else names[::-1]
+    assert found.columns[0].series == taken
+    assert f"command: also found {left}" in found.notes
+    assert f"not used: {left}" in found.notes
+    assert read(path, "command=Position Target (degrees)").columns[0].why == "given"
