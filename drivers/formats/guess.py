@@ -123,7 +123,6 @@ def guessed(
         if term.name and column != "time":
             chosen[column] = _chosen(column, *named(term, series, joint, name), "given")
     candidates = _beside_given(candidates, chosen)
-    goals: list[Chosen] = []
     for column in COLUMN_UNITS:
         found = _of_joint(candidates.get(column, []), column, joint)
         if moving and column in moving and (column == "accel" or not MOTIONS & {*chosen}):
@@ -134,18 +133,23 @@ def guessed(
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
-            goals += [_chosen(column, one, Term(one.name), NEAREST) for one in found[1:] if column == "command"]
     more, told = _inferred(moved, choice, joint, chosen, (moving or {}).get("speed", ""))
     chosen, notes = chosen | more, notes + told
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
-        axis = LINE if choice.is_linear else TURN
-        several = _several(notes)  # an accelerometer alone is enough for what moves along a line only
-        advised = "" if several and choice.is_linear else _advice(series, clock, moving or {}, spans, axis)
-        advice = "; ".join(filter(None, (advised, several)))
+        advice = _advised(series, clock, moving or {}, spans, choice.is_linear, notes)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     notes += _of_left([one for one in series if one.name != clock], chosen, notes, spans)
+    goals = [_chosen("command", one, Term(one.name), NEAREST) for one in _others("command", candidates, joint, chosen)]
     return Guess([chosen[column] for column in COLUMN_UNITS if column in chosen], joint, notes, goals)
+
+
+def _others(
+    column: str, candidates: Mapping[str, Sequence[Series]], joint: str, chosen: Mapping[str, Chosen]
+) -> list[Series]:
+    """The series that may be a column by their names, beside the one that was chosen."""
+    found = _of_joint(candidates.get(column, []), column, joint) if column in chosen else []
+    return [one for one in found if one.name != chosen[column].series]
 
 
 def _beside_given(candidates: Mapping[str, Sequence[Series]], given: Mapping[str, Chosen]) -> dict[str, list[Series]]:
@@ -205,9 +209,14 @@ def _of_left(series: Sequence[Series], chosen: Mapping[str, Chosen], notes: Sequ
     return [*told, f"position: none; if {shown(name)} is it, use {mapped('position', name, TURN.unit(span))}"]
 
 
-def _several(notes: Sequence[str]) -> str:
-    """What is said of several accelerometers; "" for none."""
-    return " ".join(note for note in notes if note.startswith("accel"))
+def _advised(
+    series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, is_linear: bool, notes: Sequence[str]
+) -> str:
+    """What to type where no column was found, also of several accelerometers: one is enough for what moves along a line
+    only."""
+    several = " ".join(note for note in notes if note.startswith("accel"))
+    advice = "" if several and is_linear else _advice(series, clock, moving, spans, LINE if is_linear else TURN)
+    return "; ".join(filter(None, (advice, several)))
 
 
 def _inferred(
