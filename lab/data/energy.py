@@ -1,12 +1,14 @@
-"""Whether a motion that nothing is known to drive gains energy, which no free one does."""
+"""Whether a motion that nothing is known to drive gains energy, which no free one does, or loses none, as one does."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["GAIN", "energy_gain"]
+__all__ = ["GAIN", "LOSS", "energy_gain", "energy_loss"]
 
 GAIN = 0.3
 """Share of the largest squared speed, above which a motion is driven.  Of 84 published recordings of parts that swing
@@ -15,6 +17,14 @@ a servo that follows sines all along 15 have 0.37 to 0.66 and one has 0.06; of 2
 0.999, two 0.24 to 0.3, and the rest pass few places twice."""
 PLACES = np.linspace(0.1, 0.9, 9)
 """shares of the readings that are below the places that are looked at"""
+
+PASSAGES = 8
+"""of a place, from which on a loss is looked for: in four periods"""
+LOSS = 1.0
+"""Standard errors, below which no energy is lost.  Of fifteen published recordings of pendulums the least is 1.9; of a
+piston that is pushed to and fro at one speed it is 0.6, of a motor's shaft under a sine 0.0.  Of twenty simulated
+pendulums each that are filmed for 5 to 30 periods it is 2.3 to 11 with a quality of 50 and 200 and little noise, below
+one in a tenth of those with 1000, and in most with 5000, which show no damping."""
 
 
 def energy_gain(position: FloatArray, velocity: FloatArray) -> float:
@@ -32,3 +42,21 @@ def energy_gain(position: FloatArray, velocity: FloatArray) -> float:
             gains.append(float((passed[1:] - np.minimum.accumulate(passed)[:-1]).max()))
     most = float(power.max(initial=0.0))
     return max(float(np.median(gains)) / most, 0.0) if gains and most else 0.0
+
+
+def energy_loss(position: FloatArray, velocity: FloatArray) -> tuple[float, int]:
+    """By how many of its standard errors the mean squared speed (N,) at a place (N,) is smaller in the second half of
+    the passages than in the first: the median of nine places, and of the number of passages; infinite and 0 where none
+    is passed often enough."""
+    power, found = velocity**2, list[tuple[float, int]]()
+    for place in np.quantile(position, PLACES):
+        before = np.flatnonzero((position[1:] - place) * (position[:-1] - place) < 0)
+        if before.size < PASSAGES:
+            continue
+        early, late = np.array_split((power[before] + power[before + 1]) / 2, 2)
+        error = math.hypot(*(np.std(half, ddof=1) / math.sqrt(half.size) for half in (early, late)))
+        found.append((float(early.mean() - late.mean()) / max(error, 1e-300), before.size))
+    if not found:
+        return math.inf, 0
+    losses, counts = zip(*found, strict=True)
+    return float(np.median(losses)), int(np.median(counts))

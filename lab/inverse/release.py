@@ -25,7 +25,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import clipping_level
-from lostmotion.lab.data.energy import GAIN, energy_gain
+from lostmotion.lab.data.energy import GAIN, LOSS, energy_gain, energy_loss
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
@@ -99,9 +99,10 @@ def _released(experiment: Experiment) -> Experiment:
 
 def _check_energy(signals: Signals, part: _FreePart) -> None:
     """Raises ExperimentError for a part that gains energy, as a joint under control does, or one whose neighbour
-    swings."""
+    swings; warns of one that loses none."""
     free = (signals.time >= part.begins) & (signals.time <= part.ends)
-    gain = energy_gain(signals.position[free], signals.velocity[free])
+    position, velocity = signals.position[free], signals.velocity[free]
+    gain, (loss, passages) = energy_gain(position, velocity), energy_loss(position, velocity)
     if gain > GAIN:
         raise ExperimentError(
             f"{signals.experiment.name}: found a motion that gains energy, as no free one does (where it passes a "
@@ -109,6 +110,12 @@ def _check_energy(signals: Signals, part: _FreePart) -> None:
             "that drives it; expected what does: choose its series with --map torque=SERIES (or current=, voltage=), "
             "or cut out the part that moves by itself"
         )
+    if loss < LOSS:
+        log.warning(
+            "%s: passes a place %d times and loses no energy, as a motion that is driven; if something drives it, "
+            "choose its series with --map torque=SERIES (or current=, voltage=)",
+            signals.experiment.name, passages,
+        )  # fmt: skip
 
 
 class _FreePart(NamedTuple):

@@ -19,7 +19,7 @@ NUMERICS = {
     "comparison/residual_analysis.py": (1, "resolution of what is shown"),
     "data/blocks.py": (1, "draws of signs"),
     "data/autoregression.py": (8, "a robust regression"),
-    "data/energy.py": (2, "what is driven, and the places that are looked at"),
+    "data/energy.py": (4, "what is driven, and the places and passages that are looked at"),
     "data/excerpt.py": (1, "length of windows"),
     "data/checks.py": (6, "what is no recording"),
     "data/frequency_response.py": (8, "estimators of first values"),

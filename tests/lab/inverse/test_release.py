@@ -228,3 +228,21 @@ def test_what_gains_energy_is_driven(frequencies: tuple[float, float], tmp_path:
         result = call("lab", "compare", "joint", tmp_path / name)
         assert result.exit_code == code, result.output
         assert ("gains energy, as no free one does" in result.output) == (code == 2)
+
+
+@pytest.mark.parametrize("motion", ["triangle", "sine", "swing", "short"])
+def test_what_loses_no_energy_may_be_driven(motion: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A piston that is pushed to and fro at one speed gains no energy, but loses none either; a pendulum with a quality
+    of 200 does in ten periods; in three nothing is said."""
+    time = np.arange(1000) / 100
+    phase = 2 * np.pi * time
+    angle = {
+        "triangle": np.arcsin(np.sin(phase)), "sine": np.sin(phase),
+        "swing": np.exp(-phase / 400) * np.sin(phase), "short": np.sin(0.3 * phase),
+    }[motion]  # fmt: skip
+    noisy = 0.3 * angle + np.random.default_rng(1).normal(0, 1e-3, time.size)
+    path = tmp_path / "motion.csv"
+    np.savetxt(path, np.stack([time, noisy], axis=1), "%.6f", ",", header="time,position", comments="")
+    result = call("lab", "compare", "joint", path)
+    assert result.exit_code == 0, result.output
+    assert ("loses no energy, as a motion that is driven" in caplog.text) == (motion in ("triangle", "sine"))
