@@ -96,8 +96,9 @@ class Rows:
     numeric: frozenset[int]
 
     def first(self) -> int:
-        """The first line that is a row of numbers."""
-        return next(i for i, row in enumerate(self.cells) if self.is_row(row))
+        """The first line that is a row of numbers; separators alone are an empty line of a sheet."""
+        found = [i for i, row in enumerate(self.cells) if self.is_row(row)]
+        return next((i for i in found if any(self.cells[i][k].strip() for k in self.numeric)), found[0])
 
     def is_row(self, row: Sequence[str]) -> bool:
         return len(row) == self.width and all(_is_value(row[i], self.comma) for i in self.numeric)

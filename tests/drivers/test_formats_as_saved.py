@@ -850,3 +850,14 @@ def test_a_refusal_with_several_accelerometers_says_how_to_assign_a_motion_too(t
     said = refused(path)
     assert "--map position=sensPitch" in said
     assert "accel: not taken, found xAcc, yAcc; choose one with --map accel=xAcc" in said
+
+
+@pytest.mark.parametrize("empty", [",\n", ",\n,\n", "\n"])
+def test_separators_alone_are_an_empty_line(empty: str, tmp_path: Path) -> None:
+    """A sheet saves its empty row as separators: it is no first row of numbers, and the names stand below it."""
+    path = tmp_path / "scope.csv"
+    head = f"#Device Name: Discovery2,\n#Date Time: 2017-04-01 14:48::00.909,\n{empty}Time (s),Angle (deg)\n"
+    path.write_text(head + rows(T, np.degrees(SWING), sign=","))
+    found = read(path)
+    assert found.clock == "Time (s) [s]"
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
