@@ -117,10 +117,11 @@ def _doubts(one: Chosen, values: FloatArray) -> list[str]:
     if np.abs(values).max() < MANY_TURNS and not is_whole:
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"
-    degrees, counts = (mapped(one.column, one.series, each) for each in (":deg", COUNTED))
+    degrees, counts, turns = (mapped(one.column, one.series, each) for each in (":deg", COUNTED, ":rev"))
     what = "whole numbers, which rad hardly are, " if is_whole else ""
     said = f"{one.column}: no unit is given, and {what}{span} were taken as rad"
-    return [f"{said}; if they are degrees, use {degrees}{f', if counts of 4096 a turn, {counts}' * is_whole}"]
+    other = f"if counts of 4096 a turn, {counts}" if is_whole else f"if turns, {turns}"
+    return [f"{said}; if they are degrees, use {degrees}, {other}"]
 
 
 def _are_whole(values: FloatArray) -> bool:

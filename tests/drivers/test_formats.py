@@ -394,7 +394,8 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
     found = read(path)
     assert list(found.recording.columns) == ["position"]
     assert any(note.startswith("accel: not taken, found /imu/linear_acceleration/x") for note in found.notes)
-    assert any("if they are degrees, use --map position=angle:deg" in note for note in found.notes)
+    doubt = "if they are degrees, use --map position=angle:deg, if turns, --map position=angle:rev"
+    assert any(doubt in note for note in found.notes)
     assert read(path, "accel=acceleration/y:g").recording.columns["accel"][-1] == pytest.approx(9.80665 * ANGLE[-1])
 
 
