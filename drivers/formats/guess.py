@@ -259,7 +259,8 @@ def mapped(column: str, series: str, unit: str = "") -> str:
 def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, axis: _Axis) -> str:
     """What to type where no column was found."""
     if all(is_time(one.name) or one.name == clock for one in series):
-        return "it holds times only; join it with the file of the motion: MOTION+FILE"
+        ticks = "or if each is that of a tick of an encoder, write the numbers of the ticks beside them"
+        return f"it holds times only; join it with the file of the motion: MOTION+FILE, {ticks}"
     known = spans([one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE])
     if known and all(low == high for low, high in known.values()):
         return "nothing in it changes; was something recorded?"

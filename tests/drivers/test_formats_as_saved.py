@@ -861,3 +861,17 @@ def test_separators_alone_are_an_empty_line(empty: str, tmp_path: Path) -> None:
     found = read(path)
     assert found.clock == "Time (s) [s]"
     assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+
+
+def test_the_times_of_ticks_need_their_numbers(tmp_path: Path) -> None:
+    """A wheel that coasts down, with a mark that a sensor sees once a turn: the times [ms] alone are no motion."""
+    turns = np.arange(200)
+    times = 1e3 * (turns / 5 + (turns / 40) ** 2)
+    path = tmp_path / "ticks.txt"
+    path.write_text(rows(times, digits=2))
+    assert "it holds times only" in refused(path)
+    assert "write the numbers of the ticks beside them" in refused(path)
+    path.write_text(rows(times, turns, sign=","))
+    found = read(path, "position=column2:rev").recording
+    assert found.columns["position"] == pytest.approx(2 * np.pi * turns)
+    assert found.time == pytest.approx(times / 1e3)
