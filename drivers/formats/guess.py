@@ -289,6 +289,8 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
     or the one whose name says so; without times the one that ascends (``rising``) as these."""
     if swings := moving.get("perhaps", ""):
         return mapped(axis.motion, swings, axis.unit(spans([swings])[swings]))
+    if turns := moving.get("gyroscope", "") if axis is TURN else "":
+        return mapped(axis.motion, turns, f"{axis.unit(spans([turns])[turns]) or ':rad'}/s")
     named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     known = spans(named_so)
     names = [one for one in named_so if known[one][0] < known[one][1]] or named_so

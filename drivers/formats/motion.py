@@ -19,7 +19,16 @@ from lostmotion.drivers.formats.rates import EVEN, Rate, rates
 from lostmotion.drivers.formats.source import DATE, Choice, Series, shown
 from lostmotion.drivers.formats.swinging import is_smooth, power, swings
 from lostmotion.drivers.formats.table import LEAST_ROWS, MOST_LOOKED_AT, Table
-from lostmotion.drivers.formats.words import UNNAMED, axis_of, column_of, is_time, joint_of, speed_of, without_joint
+from lostmotion.drivers.formats.words import (
+    UNNAMED,
+    axis_of,
+    column_of,
+    is_gyroscope,
+    is_time,
+    joint_of,
+    speed_of,
+    without_joint,
+)
 
 __all__ = [
     "angle_about_pivot", "liveliest", "with_angle", "without_constant", "without_inertia", "without_still",
@@ -54,11 +63,11 @@ OFF_CIRCLE = 0.15
 
 
 def liveliest(table: Table, choice: Choice) -> dict[str, str]:
-    """Of the axes of an accelerometer, or of a gyroscope (``speed``), the one that moves most by far, by its column; of
-    x and y of a film the displacement, and of columns that no name tells the position, if only one swings; if several
-    do, the one that moves most (``perhaps``).  Before that the only one of which another one is the speed, with its
-    ``unit``, and ``why``.  The first that counts the rows (``counting``); without times the one that may be these
-    (``rising``) in its unit (``steps``).  An ``input`` that is switched is told, too."""
+    """Of the axes of an accelerometer, or of a gyroscope (``speed``, without a unit ``gyroscope``), the one that moves
+    most by far, by its column; of x and y of a film the displacement, and of columns that no name tells the position,
+    if only one swings; if several do, the one that moves most (``perhaps``).  Before that the only one of which another
+    one is the speed, with its ``unit``, and ``why``.  The first that counts the rows (``counting``); without times the
+    one that may be these (``rising``) in its unit (``steps``).  An ``input`` that is switched is told, too."""
     found: dict[str, str] = {}
     if not table.clock and not table.times:
         found = dict(zip(("rising", "steps"), table.rising or (), strict=False))
@@ -73,14 +82,7 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
             {} if is_timed else {"rows": f"{float(f'{1 / changing[0].factor.least:.3g}'):g}", "rate": changing[0].speed}
         )
     found |= _of_no_motion(table)
-    speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
-    unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
-    axes = {
-        "accel": _axes(table.series, "accel"), "displacement": _axes(table.series, None),
-        "speed": speeds if len({axis_of(name) for name in speeds}) == len(speeds) else [],
-        "position": unnamed if table.clock and len(unnamed) == len(table.series) > 3 else [],
-    }  # fmt: skip
-    for column, several in axes.items():
+    for column, several in _by_quantity(table).items():
         names = [name for name in several if name != table.clock]
         if len(names) > 1 and column not in choice.terms:
             loaded = {name: np.asarray(values, dtype=float) for name, values in table.load(names).items()}
@@ -92,6 +94,19 @@ def liveliest(table: Table, choice: Choice) -> dict[str, str]:
             if column == "displacement" or powers[best] > MOST * sum(powers.values()):
                 found[column] = best
     return found
+
+
+def _by_quantity(table: Table) -> dict[str, Sequence[str]]:
+    """The series of each quantity of which one may be the motion: one of each axis, and those without a name."""
+    speeds = [one.name for one in table.series if speed_of(one.name) and axis_of(one.name)]
+    gyros = [one.name for one in table.series if is_gyroscope(one.name) and axis_of(one.name)]
+    unnamed = [one.name for one in table.series if UNNAMED.fullmatch(one.name)]
+    return {
+        "accel": _axes(table.series, "accel"), "displacement": _axes(table.series, None),
+        "speed": speeds if len({axis_of(name) for name in speeds}) == len(speeds) else [],
+        "gyroscope": gyros if len({axis_of(name) for name in gyros}) == len(gyros) else [],
+        "position": unnamed if table.clock and len(unnamed) == len(table.series) > 3 else [],
+    }  # fmt: skip
 
 
 def _changing(table: Table, choice: Choice) -> tuple[list[Rate], bool]:

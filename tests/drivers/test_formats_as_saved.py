@@ -875,3 +875,16 @@ def test_the_times_of_ticks_need_their_numbers(tmp_path: Path) -> None:
     found = read(path, "position=column2:rev").recording
     assert found.columns["position"] == pytest.approx(2 * np.pi * turns)
     assert found.time == pytest.approx(times / 1e3)
+
+
+@pytest.mark.parametrize(("size", "unit"), [(180.0, "deg/s"), (3.0, "rad/s")])
+def test_a_refusal_suggests_the_axis_of_a_gyroscope_that_turns(size: float, unit: str, tmp_path: Path) -> None:
+    """An aircraft on two threads: angles whose names say nothing come first, and an axis has three quarters of the
+    variance, of a gyroscope without a unit."""
+    path = tmp_path / "bifilar.csv"
+    speed = size * np.cos(5 * T)
+    header = "Time,sensPitch,xGyro,yGyro,ZGyro,xAcc,yAcc\n"
+    path.write_text(header + rows(1e3 * T, SWING, 0.1 * speed, 0.05 * speed[::-1], speed, SWING, -SWING, sign=","))
+    assert f"--map position=ZGyro:{unit}" in refused(path)
+    path.write_text(header + rows(1e3 * T, SWING, speed, speed[::-1], speed, SWING, -SWING, sign=","))
+    assert "--map position=sensPitch" in refused(path)
