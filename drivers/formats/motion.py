@@ -127,7 +127,8 @@ def _changing(table: Table, choice: Choice) -> tuple[list[Rate], bool]:
 def _of_no_motion(table: Table) -> dict[str, str]:
     """Of series of which no name tells a column the first that counts the rows (``counting``), the ``position`` if it
     shows when what drives it is switched off, and else what is an ``input``: the first with a few values, as one that
-    is switched has, or of columns without names the quickest, with the first of the ``slow`` ones."""
+    is switched has, with the first that has many as the ``slow`` one, or of columns without names the quickest, with
+    the first of the slow ones."""
     names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
     if any(map(column_of, names)) or len(names) < 2 or len(table.series) > MOST_LOOKED_AT:
         return {}
@@ -136,9 +137,11 @@ def _of_no_motion(table: Table) -> dict[str, str]:
     if (table.clock or table.times) and len(rung := _rung(loaded)) == 1:
         ((name, drive),) = rung.items()
         return found | {"position": name, "why": f"it rings down, and {shown(drive)} stands still"}
-    few = [name for name in names if _changes(loaded[name]) and loaded[name].size >= LEAST and _are_few(loaded[name])]
+    changing = [name for name in names if _changes(loaded[name])]
+    few = [name for name in changing if loaded[name].size >= LEAST and _are_few(loaded[name])]
     if 0 < len(few) < len(names):
-        return found | {"input": few[0]}
+        many = [name for name in changing if name not in few]
+        return found | {"input": few[0]} | ({"slow": many[0]} if many else {})
     return found | (_by_quickness(loaded) if all(map(UNNAMED.fullmatch, names)) else {})
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.goal import follows
 from tests.drivers.test_formats import read
 
@@ -174,3 +175,15 @@ def test_of_several_goals_the_one_that_the_position_follows_is_the_command(
     assert f"command: also found {left}" in found.notes
     assert f"not used: {left}" in found.notes
     assert read(path, "command=Position Target (degrees)").columns[0].why == "given"
+
+
+def test_what_is_switched_is_not_suggested_as_the_position(tmp_path: Path) -> None:
+    """A dynamometer's log without names: a supply and a current of two readings each, the speed of a wheel that coasts
+    down with dropouts, and a clock in ms."""
+    rng = np.random.default_rng(0)
+    supply, current = 29.98 + 0.01 * (T > 3), 0.37 + 0.08 * rng.integers(0, 2, T.size)
+    speed = np.where(rng.random(T.size) < 0.002, 0.0, 900 * np.exp(-0.3 * T))
+    path = tmp_path / "spindown.txt"
+    np.savetxt(path, np.column_stack([supply, current, speed, 1e3 + 1e3 * T]), "%.2f")
+    with pytest.raises(RecordingError, match="--map position=column3:deg"):
+        read(path)
