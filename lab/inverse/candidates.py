@@ -51,6 +51,8 @@ STARTS = 3
 TRAILS = 0.6
 """Share of the time by which a servo trails its command, for which an effect that delays it stands at first: the rest
 is the response of its controller.  From 0.1 and 0.3 of it the fit above ends at 19 ms, from 0.6 at 36 ms."""
+NOISE_RANGE = 6.0
+"""Range of noise over its root mean square: three standard deviations on either side."""
 VANISHED = 1e-3
 """Share of its initial value below which a parameter counts as zero."""
 SHORT, LONG = 7, 150
@@ -90,6 +92,7 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
         rest=bias / stiffness if stiffness and not data.is_driven else 0.0, lines=loudest.lines,
+        noise=max(one.position_noise for one in signals),
     )  # fmt: skip
 
 
@@ -107,7 +110,7 @@ def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[
         effect = get_effect(name)
         if not (follows_motion(effect) or is_simulated) or (is_linear and _needs_angle(name)):
             continue
-        if is_simulated and effect.distance:  # takes short steps, and few swings show how they begin anew
+        if is_simulated and effect.along:  # takes short steps, and few swings show how they begin anew
             continue
         if not is_linear and turns_of(data.signals) > effect.most_turns:
             continue
@@ -139,8 +142,6 @@ def fitted_with(
     name, model = wide
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(model, now.data.signals), now)
-        if found and get_effect(name).distance and policy.is_less(found.rms, now.rms):
-            found = tried(found.model, [found.data], found.nuisance, 2 * SHORT)
         return found if found and can_run(found.model, now.data.signals) else None
     fits = [
         _fitted_from_acceleration(name, model, now, begun.get(name), now.data),
@@ -166,13 +167,16 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     to one that fits the name; of a few steps where the motion is simulated.  None where there is none, or the time is
     up."""
     size = sizes_of(now.model, now.data)
-    wide = _above_rest(wide, name, size)
+    wide = _above_noise(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
-    effect, data = get_effect(name), now.data.suited(begin)
-    is_slow = isinstance(data, OutputError) or (effect.distance is not None and effect.is_searched)
+    data = now.data.suited(begin)
     for guess in guesses(name, begin, now, data)[:STARTS]:
         start, nuisance = initial_point(name, guess, now, data)
-        fit = None if is_over() else tried(start, [data], nuisance, SHORT if is_slow else MOST_STEPS)
+        fit = (
+            None
+            if is_over()
+            else tried(start, [data], nuisance, SHORT if isinstance(data, OutputError) else MOST_STEPS)
+        )
         if fit and are_consistent(fit.model, [name]):
             return fit
     return None
@@ -255,15 +259,21 @@ def with_values(model: Model, other: Model) -> Model:
     return model.replace({name: other.parameters[name].value for name in names})
 
 
-def _above_rest(model: Model, name: str, size: MotionScales) -> Model:
-    """The model with characteristic speeds of an effect above those that count as rest."""
-    low = policy.UNSURE_SPEED * size.speed
-    speeds = {
-        full: replace(p, value=max(p.value, low), low=low, high=max(p.high, low))
+def _above_noise(model: Model, name: str, size: MotionScales) -> Model:
+    """The model with characteristic speeds of an effect above those that count as rest, and with distances of its path
+    above the range of the noise.  Noise crosses a smaller play at rest: one of 0.13 mrad in noise of 0.1 was named for
+    Coulomb friction."""
+    least = {"rad/s": policy.UNSURE_SPEED * size.speed}
+    if get_effect(name).along and get_effect(name).is_searched:  # a rival may be anything
+        least["rad"] = NOISE_RANGE * size.noise
+    raised = {
+        full: replace(
+            p, value=max(p.value, least[p.unit]), low=max(p.low, least[p.unit]), high=max(p.high, least[p.unit])
+        )
         for full, p in model.parameters.items()
-        if full.startswith(f"{name}.") and p.unit == "rad/s" and not p.fixed
+        if full.startswith(f"{name}.") and p.unit in least and not p.fixed
     }
-    return model.replace(speeds)
+    return model.replace(raised)
 
 
 def _not_vanished(model: Model, start: Model) -> Model:
@@ -311,4 +321,4 @@ def tried(
 def _needs_angle(name: str) -> bool:
     """Whether an effect has a phase; a distance may be along a line."""
     effect = get_effect(name)
-    return effect.distance is None and any(parameter.unit == "rad" for parameter in effect.parameters.values())
+    return effect.along is None and any(parameter.unit == "rad" for parameter in effect.parameters.values())

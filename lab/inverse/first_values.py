@@ -218,7 +218,7 @@ def _covers(name: str, model: Model, data: Problem) -> bool:
     1 is the law of a weight: it is tried on shafts only, and reported as confusable with the weight there.
     """
     turns, play = (model.parameters.get(f"{name}.{part}") for part in ("N", "e"))
-    if play is not None and get_effect(name).distance:
+    if play is not None and get_effect(name).along:
         return sum(_crossings(one.position, play.value) for one in data.signals) >= policy.LASTING_BLOCKS
     if turns is None:
         return True

@@ -273,7 +273,7 @@ def _coarse_substep(model: Model, signals: Sequence[Signals]) -> float:
     the measured state: where the former diverges, as that of a bar that softens if its equilibrium is far from zero,
     and where friction changes over a distance, which takes the longest at rest.  Raises ModelError."""
     is_driven = any(one.experiment.is_driven for one in signals)
-    if is_driven or not any(get_effect(name).distance for name in model.effects):
+    if is_driven or not any(get_effect(name).along for name in model.effects):
         try:
             return STEPS * fine_substep(model, [one.experiment for one in signals])
         except ModelError:

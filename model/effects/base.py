@@ -15,6 +15,7 @@ from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.guesses import Guesses, Values, no_guesses
 from lostmotion.model.effects.words import Words
 from lostmotion.model.errors import ModelError
+from lostmotion.model.motion import FloatArray
 from lostmotion.model.parameter import Parameter
 
 __all__ = [
@@ -93,9 +94,9 @@ class Effect(EffectInfo):
     free_states: bool = False
     """Whether these begin anywhere in a motion that no input drives, so that their initial values are its
     amplitudes."""
-    distance: Callable[[Mapping[str, float]], float] | None = None
-    """For states that follow from the motion of the joint alone, as those of a hysteresis do: the shortest way over
-    which they change [rad]."""
+    along: Callable[[FloatArray, Mapping[str, float]], FloatArray] | None = None
+    """For a state that follows from the path of the joint alone, as that of a hysteresis does: its values (N,) along
+    these positions (N,) [rad], from zero, in closed form."""
     defaults: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
     """By base, the parameters that are not there as in ``parameters``."""
     rate: Callable[[Mapping[str, float], Operating], float] | None = None

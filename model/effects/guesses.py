@@ -25,7 +25,8 @@ class MotionScales:
 
     torque on the joint, its speed, the span of its angle; the bar's deflection and speed; the usual and the largest
     reading; stiffness and damping of the bar, its natural frequency [Hz] and place of rest [m]; play; length of a
-    record [s]; inertia; lines: frequencies [Hz] of the largest lines in the spectrum of the reading, the largest first.
+    record [s]; inertia; lines: frequencies [Hz] of the largest lines in the spectrum of the reading, the largest first;
+    noise of the angle.
     """
 
     torque: float
@@ -43,6 +44,7 @@ class MotionScales:
     resonance: float = 0.0
     rest: float = 0.0
     lines: tuple[float, ...] = ()
+    noise: float = 0.0
 
 
 Guesses = Callable[[MotionScales], Sequence[Values]]

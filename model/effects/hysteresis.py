@@ -16,13 +16,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numba import njit
 
 from lostmotion.model.base import Operating, Term
 from lostmotion.model.effects.base import ActsOn, Effect, omega_0, on, within_omega_0
 from lostmotion.model.effects.guesses import MotionScales, Values, grid
 from lostmotion.model.effects.words import Words
 from lostmotion.model.elementary import tanh
-from lostmotion.model.kernel import Slots, kernel
+from lostmotion.model.kernel import OPTIONS, Slots, compiled, kernel
+from lostmotion.model.motion import FloatArray
 from lostmotion.model.parameter import Domain, Parameter
 from lostmotion.model.signals import OMEGA2, TORQUE
 
@@ -51,6 +56,38 @@ def behind_play(s: Slots, x: Slots, dx: Slots, p: Slots) -> float:
     return -p[0] * z if y > 0 else p[0] * z
 
 
+def _dahl(position: FloatArray, x_p: float) -> FloatArray:
+    """z (N,) of ``presliding``: z = s + (z_0 - s) exp(-q/x_p) after a distance q in the direction s."""
+    z, found = 0.0, np.zeros(position.size)
+    for i in range(1, position.size):
+        way = position[i] - position[i - 1]
+        sign = 1.0 if way > 0 else -1.0
+        z = sign + (z - sign) * math.exp(-abs(way) / x_p)
+        found[i] = z
+    return found
+
+
+def _play(position: FloatArray, e: float, contact: float) -> FloatArray:
+    """y (N,) of ``behind_play``: free up to e/2, from there e/2 + c e (1 - (1 - z_0) exp(-q/(c e))) after a distance q;
+    contact: c e."""
+    y, found = 0.0, np.zeros(position.size)
+    for i in range(1, position.size):
+        way = position[i] - position[i - 1]
+        sign = 1.0 if way > 0 else -1.0
+        y, left = sign * y, abs(way)
+        free = min(max(e / 2 - y, 0.0), left)
+        y, left = y + free, left - free
+        if left > 0:
+            y = e / 2 + contact + (y - e / 2 - contact) * math.exp(-left / contact)
+        y *= sign
+        found[i] = y
+    return found
+
+
+_presliding_along = compiled(partial(njit, nogil=True, **OPTIONS), _dahl)
+_behind_play_along = compiled(partial(njit, nogil=True, **OPTIONS), _play)
+
+
 def _contact_rate(values: Mapping[str, float], operating: Operating) -> float:
     """Of the joint on its contact, or of the contact at the largest speed, as after half a turn with the largest torque
     [rad/s]."""
@@ -67,10 +104,6 @@ def _plays(scales: MotionScales) -> list[Values]:
     """Plays of 2 to 50 % of the motion, with a contact of 0.15 to 0.5 as much."""
     plays = [share * scales.span for share in (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)]
     return grid(tau_p=(0.2 * scales.torque,), e=plays, c=(0.5, 0.15))
-
-
-def _distance(values: Mapping[str, float]) -> float:
-    return values["x_p"]
 
 
 def _rate(values: Mapping[str, float], operating: Operating) -> float:
@@ -92,7 +125,7 @@ PRESLIDING_FRICTION = Effect(
     parameters={"tau_p": _TAU_P, "x_p": _X_P, "omega_0": omega_0(2e-3)},
     terms=on(BASES, Term(TORQUE, presliding, ("tau_p", "x_p", "omega_0"))),
     states=(None,),
-    distance=_distance,
+    along=lambda position, values: _presliding_along(position, values["x_p"]),
     is_searched=False,
     guesses=lambda scales: grid(tau_p=(0.2 * scales.torque,), x_p=[x * scales.span for x in (0.005, 0.02, 0.08, 0.2)]),
     rate=_rate,
@@ -116,10 +149,10 @@ FRICTION_BEHIND_PLAY = Effect(
     parameters={"tau_p": replace(_TAU_P, meaning="dry friction behind the play"), "e": _E, "c": _C},
     terms=on(BASES, Term(TORQUE, behind_play, ("tau_p", "e", "c"))),
     states=(None,),
-    distance=_contact,
+    along=lambda position, values: _behind_play_along(position, values["e"], _contact(values)),
     rate=_contact_rate,
     is_apt=lambda values: values["c"] < 0.95 * _C.high,
-    rivals=("coulomb_friction", "presliding_friction"),
+    rivals=("viscous_friction", "coulomb_friction", "presliding_friction"),
     amplitudes=("tau_p",),
     likelier="coulomb_friction",
     odds=100.0,

@@ -158,7 +158,7 @@ def test_compiled_code_is_of_the_present_sources(tmp_path: Path, monkeypatch: py
     before = kernel.SOURCES
     assert solve.integrate.py_func.__qualname__.endswith(before)
     assert observer._follow.py_func.__qualname__.endswith(before)
-    assert torques._evaluate_models.py_func.__qualname__.endswith(before)
+    assert torques._evaluate.py_func.__qualname__.endswith(before)
     for name in kernel.INLINED:
         shutil.copy(folder / name, tmp_path)
     monkeypatch.setattr(kernel, "__file__", str(tmp_path / "kernel.py"))

@@ -105,6 +105,6 @@ def test_a_speed_at_which_friction_changes_is_one_of_the_motion() -> None:
     wrist whose motor gave 0.4."""
     model = build_model("joint", ["stribeck_friction"])
     size: Any = SimpleNamespace(speed=0.3)
-    speed = candidates._above_rest(model, "stribeck_friction", size).parameters["stribeck_friction.omega_s"]
+    speed = candidates._above_noise(model, "stribeck_friction", size).parameters["stribeck_friction.omega_s"]
     assert speed.low == pytest.approx(0.006)
     assert speed.low <= speed.value <= speed.high
