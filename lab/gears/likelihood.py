@@ -307,15 +307,17 @@ class ShortSegments:
     def is_sized(self, effect: str, fit: SegmentFit) -> bool:
         """Whether an amplitude of an effect exceeds ``policy.UNSIZED`` half widths of its interval, three standard
         deviations.  Otherwise only the initial values of its states explain something, as those of a second mode that
-        is neither driven nor damped explain a hum.  Near the noise the refined fit is asked, too: with the step of the
-        search a weight was 1.49 ± 0.2 µN m where there is none, and is 0 ± 0.15 with a fine one (seed 7700)."""
+        is neither driven nor damped explain a hum.  Of what was accepted near the noise the refined fit is asked, too:
+        with the step of the search a weight was 1.49 ± 0.2 µN m where there is none, and is 0 ± 0.15 with a fine one
+        (seed 7700).  Of candidates it would take up to a third of the time of a search."""
         names = get_effect(effect).amplitude_names
 
         def exceed(found: Fit) -> bool:
             own = [e for e in found.estimates if e.name in names]
             return not own or any(abs(e.value) > policy.UNSIZED * (e.high - e.low) / 2 for e in own)
 
-        return exceed(fit_of(fit.level, self.task)) and (fit.is_far or exceed(refined_fit(fit.level, self.task)))
+        is_refined = math.isfinite(fit.floor) and not fit.is_far
+        return exceed(fit_of(fit.level, self.task)) and (not is_refined or exceed(refined_fit(fit.level, self.task)))
 
 
 def _exchanged(model: Model, other: Model) -> tuple[str, str] | None:

@@ -121,8 +121,8 @@ class Candidate(Generic[F]):
     blocks: int
     """The number of independent blocks of unseen samples."""
     is_identified: bool = True
-    """Whether the interval of its size excludes zero, and its estimates agree with its definition; True where the gain
-    is too small for a name in any case."""
+    """Whether the interval of its size excludes zero, and its estimates agree with its definition; True where it
+    is not named in any case, as its gain is too small or may be chance."""
     least_gain: float = policy.LEAST_GAIN
     """The gain from which on it may be named."""
 

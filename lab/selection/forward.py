@@ -131,10 +131,8 @@ def _ranked(
         (effect, fit), predictions = one
         p_value = common * counts[effect] * shapes_tried(effect, fit.model) * predictions.p_value
         least = likelihood.least_gain(fit, now)
-        is_worth_a_name = predictions.gain > least
-        is_identified = not is_worth_a_name or (
-            likelihood.is_sized(effect, fit) and are_consistent(fit.model, [effect])
-        )
+        may_be_named = p_value < policy.FALSE_NAME and predictions.gain > least
+        is_identified = not may_be_named or (likelihood.is_sized(effect, fit) and are_consistent(fit.model, [effect]))
         blocks = int(predictions.block.max()) + 1
         return Candidate(effect, fit, predictions.gain, min(p_value, 1.0), blocks, is_identified, least)
 
