@@ -86,7 +86,8 @@ def _build(folder: Path, root: Path, extra: tuple[str, ...]) -> None:
     pip = (sys.executable, "-m", "pip", "--quiet")
     _run(*pip, "download", "--only-binary=:all:", "--python-version", version, "--dest", wheels, *_dependencies())
     _run("chroot", new, "python3", "-m", "venv", VENV)
-    _run("chroot", new, f"{VENV}/bin/pip", "install", "--no-index", "--find-links=/wheels", *_dependencies())
+    offline = ("--no-index", "--no-compile", "--find-links=/wheels")  # most modules are never used
+    _run("chroot", new, f"{VENV}/bin/pip", "install", *offline, *_dependencies())
     shutil.rmtree(wheels)
     new.rename(root)
 
