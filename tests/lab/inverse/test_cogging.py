@@ -69,6 +69,6 @@ def test_a_servo_cogs_over_two_periods(tmp_path: Path) -> None:
         return Recording(time, columns, {}, {}, 0, f"{phase}.csv")
 
     model = 'base = "servo"\neffects = ["viscous_friction"]\n'
-    answer = explained(tmp_path, model, [moved(phase) for phase in (0.4, 1.7, 2.9)])
+    answer = explained(tmp_path, model, [moved(phase) for phase in (0.4, 2.9)])
     assert answer["missing"] == ["torque_ripple"]
     assert "10 times a turn" in " ".join(answer["words"])
