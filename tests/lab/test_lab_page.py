@@ -22,7 +22,9 @@ def test_tutorial_finds_the_friction(tmp_path: Path) -> None:
     """Every command prints lines as shown; the friction of 0.15 N m is found, and the Python lines find it as well,
     here in the first thirds of the recordings.  All recordings are shorter."""
     assert "record --config arm.toml --duration 8 " in PAGE
-    check_page(PAGE.replace("--duration 8 ", "--duration 4 ").replace("--duration 4 --rate", "--duration 3 --rate"), tmp_path)
+    check_page(
+        PAGE.replace("--duration 8 ", "--duration 4 ").replace("--duration 4 --rate", "--duration 3 --rate"), tmp_path
+    )
     assert load(tmp_path / "better.toml").build().parameters["coulomb_friction.tau_c"].value == pytest.approx(
         0.15, rel=0.02
     )
