@@ -201,7 +201,7 @@ CASES = (
         "ros2",
         # Slower than the others: its emulator serialises each message, which a busy machine does 350 times a second.
         accelerometer={"rate_hz": 200.0, "topic": "/imu", "range_ms2": 160.0, **OSCILLATOR},
-        network=lambda: Ros2Robot(MOTION, imu_hz=200.0),
+        network=lambda: Ros2Robot(MOTION, joints_hz=10.0, imu_hz=200.0),
     ),
     Case("simulated-joints", "simulated", joints=[TIP]),
     Case("simulated-accelerometer", "simulated", accelerometer={"rate_hz": 1000.0, **OSCILLATOR}),
