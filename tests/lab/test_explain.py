@@ -107,7 +107,7 @@ def test_what_is_named_beside_a_hum() -> None:
     """A sensor that feels the rotation beside a fan: the one is named, and that something is left is said.  A second
     mode, which explains the hum where it begins, is taken out again, as its size may be zero.  No parameter is fitted
     to the last recording, and its errors are the reported ones."""
-    recordings = [gears(seed, 1.0, **{"centripetal_crosstalk.c": 2.0}) for seed in (51, 52)]
+    recordings = [gears(seed, 0.75, **{"centripetal_crosstalk.c": 2.0}) for seed in (51, 52)]
     for recording in recordings:
         recording.columns["accel"][:] += 0.6 * np.sin(2 * math.pi * 121.0 * recording.time + 1.0)
     model = build_model("play", values=GEARS)
