@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -33,14 +34,9 @@ def energy_gain(position: FloatArray, velocity: FloatArray) -> float:
 
     A weight or a spring gives back at a place what it has taken since, and friction only takes.
     """
-    power = velocity**2
-    gains = []
-    for place in np.quantile(position, PLACES):
-        before = np.flatnonzero((position[1:] - place) * (position[:-1] - place) < 0)
-        passed = (power[before] + power[before + 1]) / 2
-        if passed.size > 1:
-            gains.append(float((passed[1:] - np.minimum.accumulate(passed)[:-1]).max()))
-    most = float(power.max(initial=0.0))
+    passed = [each for each in _passages(position, velocity) if each.size > 1]
+    gains = [float((each[1:] - np.minimum.accumulate(each)[:-1]).max()) for each in passed]
+    most = float((velocity**2).max(initial=0.0))
     return max(float(np.median(gains)) / most, 0.0) if gains and most else 0.0
 
 
@@ -48,15 +44,20 @@ def energy_loss(position: FloatArray, velocity: FloatArray) -> tuple[float, int]
     """By how many of its standard errors the mean squared speed (N,) at a place (N,) is smaller in the second half of
     the passages than in the first: the median of nine places, and of the number of passages; infinite and 0 where none
     is passed often enough."""
-    power, found = velocity**2, list[tuple[float, int]]()
+    passed = [each for each in _passages(position, velocity) if each.size >= PASSAGES]
+    if not passed:
+        return math.inf, 0
+    losses = []
+    for each in passed:
+        early, late = np.array_split(each, 2)
+        error = math.hypot(*(np.std(half, ddof=1) / math.sqrt(half.size) for half in (early, late)))
+        losses.append(float(early.mean() - late.mean()) / max(error, 1e-300))
+    return float(np.median(losses)), int(np.median([each.size for each in passed]))
+
+
+def _passages(position: FloatArray, velocity: FloatArray) -> Iterator[FloatArray]:
+    """The squared speeds (K,) at the passages of each place, in turn."""
+    power = velocity**2
     for place in np.quantile(position, PLACES):
         before = np.flatnonzero((position[1:] - place) * (position[:-1] - place) < 0)
-        if before.size < PASSAGES:
-            continue
-        early, late = np.array_split((power[before] + power[before + 1]) / 2, 2)
-        error = math.hypot(*(np.std(half, ddof=1) / math.sqrt(half.size) for half in (early, late)))
-        found.append((float(early.mean() - late.mean()) / max(error, 1e-300), before.size))
-    if not found:
-        return math.inf, 0
-    losses, counts = zip(*found, strict=True)
-    return float(np.median(losses)), int(np.median(counts))
+        yield (power[before] + power[before + 1]) / 2

@@ -79,8 +79,7 @@ class SegmentFit:
     def screened(self) -> float:
         """The typical error of the segments by which candidates are selected: far from the noise the shortest ones, as
         no model follows longer ones."""
-        is_near = math.isfinite(self.floor) and not self.is_far
-        return self.level.typical if is_near else self.short.typical
+        return self.level.typical if self.is_near else self.short.typical
 
     @property
     def count(self) -> int:
@@ -92,6 +91,11 @@ class SegmentFit:
         """Whether the error is more than noise, or exceeds the floor, see ``policy.FAR``."""
         worst = max(self.unseen.error, self.level.typical)
         return worst >= policy.FAR * self.floor or worst > policy.UNLIKE_NOISE
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the fit was accepted, and its error is not far from the noise."""
+        return math.isfinite(self.floor) and not self.is_far
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,8 +320,7 @@ class ShortSegments:
             own = [e for e in found.estimates if e.name in names]
             return not own or any(abs(e.value) > policy.UNSIZED * (e.high - e.low) / 2 for e in own)
 
-        is_refined = math.isfinite(fit.floor) and not fit.is_far
-        return exceed(fit_of(fit.level, self.task)) and (not is_refined or exceed(refined_fit(fit.level, self.task)))
+        return exceed(fit_of(fit.level, self.task)) and (not fit.is_near or exceed(refined_fit(fit.level, self.task)))
 
 
 def _exchanged(model: Model, other: Model) -> tuple[str, str] | None:

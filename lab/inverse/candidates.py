@@ -170,13 +170,10 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     wide = _above_noise(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
+    most = SHORT if isinstance(data, OutputError) else MOST_STEPS
     for guess in guesses(name, begin, now, data)[:STARTS]:
         start, nuisance = initial_point(name, guess, now, data)
-        fit = (
-            None
-            if is_over()
-            else tried(start, [data], nuisance, SHORT if isinstance(data, OutputError) else MOST_STEPS)
-        )
+        fit = None if is_over() else tried(start, [data], nuisance, most)
         if fit and are_consistent(fit.model, [name]):
             return fit
     return None
@@ -267,11 +264,9 @@ def _above_noise(model: Model, name: str, size: MotionScales) -> Model:
     if get_effect(name).along and get_effect(name).is_searched:  # a rival may be anything
         least["rad"] = NOISE_RANGE * size.noise
     raised = {
-        full: replace(
-            p, value=max(p.value, least[p.unit]), low=max(p.low, least[p.unit]), high=max(p.high, least[p.unit])
-        )
+        full: replace(p, value=max(p.value, low), low=max(p.low, low), high=max(p.high, low))
         for full, p in model.parameters.items()
-        if full.startswith(f"{name}.") and p.unit in least and not p.fixed
+        if full.startswith(f"{name}.") and not p.fixed and (low := least.get(p.unit)) is not None
     }
     return model.replace(raised)
 

@@ -19,7 +19,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import Model, build_model
-from lostmotion.model.assemble import in_order, scope
+from lostmotion.model.assemble import in_order
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import Effect
 from lostmotion.model.kernel import OPTIONS, compiled
@@ -86,10 +86,12 @@ def accelerations(models: Sequence[Model], signals: Sequence[Signals], drive: Fl
 
 def _states(model: Model, signals: Signals) -> FloatArray:
     """The states of effects along the measured motion (S, N), in the order of the model."""
-    values = {name: p.value for name, p in model.parameters.items()}
-    own = [effect for effect in in_order([get_effect(name) for name in model.effects]) if effect.along]
-    found = [effect.along(signals.position, scope(values, effect)) for effect in own if effect.along]
-    return np.array(found).reshape(len(own), signals.time.size)
+    found = [
+        along(signals.position, {name: p.value for name, p in model.own(effect.id).items()})
+        for effect in in_order([get_effect(name) for name in model.effects])
+        if (along := effect.along)
+    ]
+    return np.array(found).reshape(len(found), signals.time.size)
 
 
 def _of_samples(

@@ -108,3 +108,12 @@ def test_a_speed_at_which_friction_changes_is_one_of_the_motion() -> None:
     speed = candidates._above_noise(model, "stribeck_friction", size).parameters["stribeck_friction.omega_s"]
     assert speed.low == pytest.approx(0.006)
     assert speed.low <= speed.value <= speed.high
+
+
+def test_a_play_is_larger_than_the_range_of_the_noise() -> None:
+    """Noise crosses a smaller one at rest.  The presliding distance of a rival is free."""
+    size: Any = SimpleNamespace(speed=0.3, noise=1e-4)
+    plays = candidates._above_noise(build_model("joint", ["friction_behind_play"]), "friction_behind_play", size)
+    assert plays.parameters["friction_behind_play.e"].low == pytest.approx(6e-4)
+    rival = build_model("joint", ["presliding_friction"])
+    assert candidates._above_noise(rival, "presliding_friction", size).parameters == rival.parameters
