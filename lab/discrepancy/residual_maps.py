@@ -60,20 +60,32 @@ def residual_maps(
     return _discovered([_map(one, noise) for one in binned])
 
 
-def finding(acts_on: str, size: str, unit: str, maps: Sequence[ResidualMap]) -> Finding:
+def finding(
+    acts_on: str,
+    size: str,
+    unit: str,
+    maps: Sequence[ResidualMap],
+    rubbing: Sequence[ResidualMap] = (),
+    speed: str = "",
+) -> Finding:
     """The description of a residual by the state that explains most of it, and by those that explain nearly as much.
 
-    acts_on: the equation; size: the residual in words; unit: of the residual; maps: the best one first.
+    acts_on: the equation; size: the residual in words; unit: of the residual; maps: the best one first; rubbing: those
+    of the residual times the direction of the motion, the mean of which is a dry friction that depends on a state;
+    speed: the name of the speed, on which such a friction depends as well.
     """
-    if not maps or maps[0].explained < policy.FOLLOWS_STATE:
+    first = (maps[0].explained if maps else 0.0), (rubbing[0].explained if rubbing else 0.0)
+    if max(first) < policy.FOLLOWS_STATE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
-    best = maps[0]
+    rubs = policy.FOLLOWS_ALSO * first[1] > first[0]
+    best = rubbing[0] if rubs else maps[0]
     least = max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best.explained)
-    depends_on = tuple(one.variable for one in maps if one is best or one.explained > least)
+    also = (speed,) if rubs else tuple(one.variable for one in maps[1:] if one.explained > least)
     variable, its_unit = words.variable(best.variable)
     low, high = best.mean - best.half_width, best.mean + best.half_width
     curve = Curve(best.variable, its_unit, best.x, best.mean, low, high, unit)
-    return Finding(acts_on, depends_on, f"{size}; {100 * best.explained:.0f} % of it follows {variable}", curve)
+    what = f"is dry friction whose size follows {variable}" if rubs else f"follows {variable}"
+    return Finding(acts_on, (best.variable, *also), f"{size}; {100 * best.explained:.0f} % of it {what}", curve)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,11 @@ __all__ = ["described"]
 
 
 def described(fit: Regression) -> Finding:
-    """The size of the residual torque or motion, and the states on which it depends (residual_maps.py)."""
+    """The size of the residual torque or motion, and the states on which it depends (residual_maps.py); of a torque
+    also whether it is a dry friction whose size depends on the place."""
     data = fit.data
     is_joint = "J" in fit.model.parameters
-    names = ("theta_2", "omega_2", "acceleration") if is_joint else ("q", "q'", "q''")
+    place, speed, _ = names = ("theta_2", "omega_2", "acceleration") if is_joint else ("q", "q'", "q''")
     if isinstance(data, InverseModel):
         variables = [
             _states(one, names, one.time[one.kept])
@@ -39,7 +40,10 @@ def described(fit: Regression) -> Finding:
         text = f"an error of the motion of about {quantity(fit.error, unit, 2)} is left in what was fitted"
     residuals = data.by_recording(fit.misfit)
     found = residual_maps(residuals, {name: [one[name] for one in variables] for name in variables[0]})
-    return finding("joint" if is_joint else "oscillator", text, unit, found)
+    along = [r * np.sign(one[speed]) for r, one in zip(residuals, variables, strict=True)]
+    places = {place: [one[place] for one in variables]} if isinstance(data, InverseModel) else {}
+    rubbing = residual_maps(along, places)  # of a torque only: a motion trails what acts on it
+    return finding("joint" if is_joint else "oscillator", text, unit, found, rubbing, speed)
 
 
 def _states(signals: Signals, names: Sequence[str], time: FloatArray) -> dict[str, FloatArray]:

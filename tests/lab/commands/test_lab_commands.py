@@ -27,6 +27,7 @@ ROUGH = 'base = "play"\n[parameters]\nd = 6.4e-5\nalpha = 4000.0\nb = 0.22\nk = 
 NEAR = 'base = "play"\n[parameters]\nd = 7e-5\nalpha = 4500.0\nb = 0.2\nk = 2550.0\nl = 0.099\n'
 LEAD, RATE_HZ = 0.5, 800
 COUNT = 16 * 9.80665 / 32768
+TIGHT_RAD = 0.1
 HARDENING = {"hardening_spring.k3": 0.03 * 2600.0 / 0.25e-3**2}
 FRICTION = {"coulomb_friction.tau_c": 1.5e-4, "coulomb_friction.omega_0": 1e-2}
 
@@ -50,6 +51,19 @@ def case(
         write_recording(Recording(times - LEAD, columns), folder / f"rec{number}.csv")
     (folder / "model.toml").write_text(model)
     return folder
+
+
+def tight(seed: int) -> Recording:
+    """A joint with viscous friction, and dry friction about one angle only, moved by five sines for twelve seconds."""
+    rng, times = np.random.default_rng(seed), np.arange(0.0, 12.0, 0.01)
+    waves = 2 * np.pi * rng.uniform(0.2, 1.5, (5, 1))
+    phases = waves * times + rng.uniform(0, 2 * np.pi, (5, 1))
+    angle, speed, acceleration = (
+        0.25 * part.sum(axis=0) for part in (np.sin(phases), waves * np.cos(phases), -(waves**2) * np.sin(phases))
+    )
+    friction = 0.6 * np.exp(-(((angle - TIGHT_RAD) / 0.2) ** 2)) * np.tanh(speed / 0.01)
+    torque = 0.05 * acceleration + 0.1 * speed + friction + rng.normal(0, 3e-3, times.size)
+    return Recording(times, {"position": angle + rng.normal(0, 1e-5, times.size), "torque": torque})
 
 
 def run(command: str, folder: Path, *options: object) -> Result:
@@ -105,14 +119,19 @@ def test_nothing_missing(tmp_path: Path) -> None:
 
 
 def test_outside_of_the_catalogue(tmp_path: Path) -> None:
-    """A sensor whose curve is bent, which no effect describes: nothing is named, and what is left is an error of the
-    sensor that follows what it measures."""
-    found = explained(case(tmp_path, {"curved_sensor.c": 0.02}, 0.3, 0.8, model=NEAR, count=2))
+    """A joint that rubs more about one angle, which no effect describes: nothing is named, and what is left is a dry
+    friction that follows the angle."""
+    for number in (1, 2, 3):
+        write_recording(tight(number), tmp_path / f"rec{number}.csv")
+    (tmp_path / "model.toml").write_text('base = "joint"\neffects = ["viscous_friction", "coulomb_friction"]\n')
+    found = explained(tmp_path)
     assert found["verdict"] == "outside_catalogue"
     assert found["missing"] == []
-    assert found["error"]["after"] > 1.25 * found["error"]["noise"]
-    assert (found["residual"]["acts_on"], found["residual"]["depends_on"]) == ("sensor", ["accel"])
-    assert found["residual"]["description"]
+    assert found["error"]["after"] > 5 * found["error"]["noise"]
+    assert (found["residual"]["acts_on"], found["residual"]["depends_on"]) == ("joint", ["theta_2", "omega_2"])
+    assert "dry friction whose size follows the joint's angle" in found["residual"]["description"]
+    curve = found["residual"]["curve"]
+    assert curve["x"][int(np.argmax(curve["mean"]))] == pytest.approx(TIGHT_RAD, abs=0.15)
 
 
 def test_improve_prints_the_ladder(tmp_path: Path) -> None:
