@@ -17,6 +17,7 @@ from lostmotion.lab.data.frequency_response import usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import with_free_states
+from lostmotion.lab.inverse.effect_sizes import exceeds_noise
 from lostmotion.lab.inverse.first_values import guesses, initial_point, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
@@ -143,11 +144,10 @@ def fitted_with(
     if not isinstance(now.data, OutputError):
         found = _fitted_from_guesses(name, softened(model, now.data.signals), now)
         return found if found and can_run(found.model, now.data.signals) else None
-    fits = [
-        _fitted_from_acceleration(name, model, now, begun.get(name), now.data),
-        _fitted_from_guesses(name, model, now),
-        _fitted_behind_command(name, model, now, now.data, rough),
-    ]
+    fits = [_fitted_from_guesses(name, model, now)]
+    if exceeds_noise(now):
+        fits.append(_fitted_from_acceleration(name, model, now, begun.get(name), now.data))
+        fits.append(_fitted_behind_command(name, model, now, now.data, rough))
     apt = (one for one in fits if one and are_consistent(one.model, [name]))
     return min(apt, key=lambda one: one.rms, default=None)
 

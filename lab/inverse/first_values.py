@@ -25,6 +25,7 @@ from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
+from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 
 __all__ = ["Guess", "guesses", "initial_point", "turns_of"]
@@ -70,7 +71,7 @@ def guesses(name: str, shapes: Sequence[Model], now: Regression, data: Problem) 
     left = [shape for shape in shapes if _covers(name, shape, now.data)]
     found: list[Guess] = []
     while left and not is_over():
-        part, left = left[: data.most_beside], left[data.most_beside :]
+        part, left = left[:LANES], left[LANES:]
         points = [(shape, _zeros(name, shape, now, data)) for shape in part]
         changes = data.residuals(points) - now.residual
         is_beside = isinstance(data, OutputError) and data.most_beside > 1

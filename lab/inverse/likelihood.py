@@ -164,11 +164,17 @@ class WholeMotion:
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
         """The fits of a few steps, best first; those that take enough of the error for a name already are continued to
-        the end."""
+        the end.  Where the best one reaches the noise, those that are behind it after the few steps are not; elsewhere
+        they may overtake it, as the load-dependent friction of a servo that lifts an arm does with Coulomb friction."""
         fits = sorted(fits, key=lambda one: one[1].rms)
         many = min(sum(policy.is_less(fit.rms, now.rms) for _, fit in fits), policy.FINISHED)
-        finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), fits[:many])]
-        return [*finished, *fits[len(finished) :]]
+        if not many:
+            return fits
+        best = refined(fits[0][1])
+        behind = math.inf if exceeds_noise(best) else policy.BEHIND * fits[0][1].rms
+        rest = [one for one in fits[1:many] if one[1].rms < behind]
+        finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), rest)]
+        return [(fits[0][0], best), *finished, *fits[1 + len(finished) :]]
 
     def accepted(self, fit: Fitted, now: Fitted, *, is_first: bool = False) -> Fitted:
         """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with
