@@ -8,7 +8,7 @@ another recording is predicted by the fit to all of them as one more fold.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -31,6 +31,7 @@ from lostmotion.lab.inverse.candidates import (
     fitted_with,
     refined,
     resolved,
+    settled,
 )
 from lostmotion.lab.inverse.effect_sizes import chance_of_zero, exceeds_noise, is_sized
 from lostmotion.lab.inverse.first_fits import first_fits
@@ -163,18 +164,20 @@ class WholeMotion:
         return begun, {name: now.rms * fit.rms / present.rms for name, fit in begun.items()} if is_known else {}
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
-        """The fits of a few steps, best first; those that take enough of the error for a name already are continued to
-        the end.  Where the best one reaches the noise, those that are behind it after the few steps are not; elsewhere
-        they may overtake it, as the load-dependent friction of a servo that lifts an arm does with Coulomb friction."""
+        """The fits of a few steps, best first.  Those that take enough of the error for a name already are continued
+        until their errors hardly fall, and those that are not behind the best of these then, to the end."""
         fits = sorted(fits, key=lambda one: one[1].rms)
         many = min(sum(policy.is_less(fit.rms, now.rms) for _, fit in fits), policy.FINISHED)
-        if not many:
-            return fits
-        best = refined(fits[0][1])
-        behind = math.inf if exceeds_noise(best) else policy.BEHIND * fits[0][1].rms
-        rest = [one for one in fits[1:many] if one[1].rms < behind]
-        finished = [(name, fit) for (name, _), fit in each(self.pool, lambda one: refined(one[1]), rest)]
-        return [(fits[0][0], best), *finished, *fits[1 + len(finished) :]]
+        begun = sorted(self._continued(settled, fits[:many]), key=lambda one: one[1].rms)
+        many = sum(fit.rms < policy.BEHIND * begun[0][1].rms for _, fit in begun)
+        ended = self._continued(refined, begun[:many])
+        return [*ended, *begun[len(ended) :], *fits[len(begun) :]]
+
+    def _continued(
+        self, work: Callable[[Regression], Regression], fits: Sequence[tuple[str, Regression]]
+    ) -> list[tuple[str, Regression]]:
+        """These fits after more steps, as far as the time allows."""
+        return [(name, fit) for (name, _), fit in each(self.pool, lambda one: work(one[1]), fits)]
 
     def accepted(self, fit: Fitted, now: Fitted, *, is_first: bool = False) -> Fitted:
         """The fit of the model with the accepted effect, with an integration step that is short enough for it, or with
