@@ -88,8 +88,12 @@ class Predictions:
 
     @property
     def usual(self) -> float:
-        """The geometric mean over blocks of the squared error of the first fit."""
-        return math.exp(float(np.mean(np.log(floored(self.before, self.after, self.block)))))
+        """The geometric mean over blocks of the squared error of the first fit, each with the weight of its samples.
+        Those of the last recording are long where a wrong effect is left there: a delay left 3.6° of it instead of
+        0.025 for the lag of an actuator, in 12 of 726 blocks."""
+        counts = np.bincount(self.block)
+        squares = floored(self.before, self.after, self.block) / counts
+        return math.exp(float(np.average(np.log(squares), weights=counts)))
 
     @cached_property
     def p_value(self) -> float:
