@@ -30,6 +30,7 @@ from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, can_run
+from lostmotion.lab.inverse.scale import scaled
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.quantity import of_axis
@@ -71,12 +72,12 @@ def explained(
             channel, unseen, selection = _searched(rough, train, last, method, pool, progress)
         progress("judging", 0.9)
         channel.warn(train[0].name)
-        _warn_of_motor_constant(model, selection.fits[-1].model, train[0].name)
         told = _explanation(selection, model, train, unseen, noise, pool)
+        _warn_of_motor_constant(model, told.best.model, train[0].name)
     fit_on.cache_clear()
     progress("done", 1.0)
     base, best = (channel.annotated(fit) for fit in (told.base, told.best))
-    return replace(told, held=held, base=base, best=best)
+    return replace(told, held=(*held, *told.held), base=base, best=best)
 
 
 def _searched(
@@ -136,7 +137,7 @@ def _explanation(
     pool: Executor,
 ) -> Explanation:  # fmt: skip
     """The result of a search, with errors on the unseen recording."""
-    fits = [one.surest for one in selection.fits]
+    fits, known = zip(*(scaled(one.surest, model) for one in selection.fits), strict=True)
     base, best, column = fits[0], fits[-1], fits[-1].data.column
     power = shares(best.model, selection.added, best.data.signals) if _has_powers(best) else None
     errors = [error_on(fit, unseen) for fit in fits]
@@ -167,6 +168,7 @@ def _explanation(
         complete=complete,
         columns={column: error},
         untried=selection.untried,
+        held=known[-1],
     )
 
 
@@ -197,8 +199,8 @@ def fitted(model: Model, experiments: Sequence[Experiment], method: Method, nois
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     channel.warn(experiments[0].name)
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
-    fit = WholeMotion(method, from_spectra(model, experiments), signals).first.generalised
-    return replace(channel.annotated(_fit(fit, model, _floors(noise, fit))), held=held)
+    fit, known = scaled(WholeMotion(method, from_spectra(model, experiments), signals).first.generalised, model)
+    return replace(channel.annotated(_fit(fit, model, _floors(noise, fit))), held=(*held, *known))
 
 
 def _error(one: Candidate[Fitted], unseen: Signals, before: float) -> float:

@@ -250,9 +250,10 @@ def _limited(limit: InputLimit, error: Errors) -> str:
 
 def _held(one: Estimate) -> str:
     """A sentence on a parameter whose value no recording determines."""
+    column = "current" if one.unit == "N m/A" else "input"
     return (
         f"Only ratios to {one.name} are identifiable: {one.name} stays at {quantity(one.value, one.unit)}; "
-        "give it in the model file, or record the input."
+        f"give it in the model file, or record the {column}."
     )
 
 

@@ -22,7 +22,9 @@ from lostmotion.drivers.recording import Recording, write_recording
 from lostmotion.lab import experiments
 from lostmotion.lab.data.supply import of_voltage
 from lostmotion.lab.inverse.candidates import SHORT, fitted_with, refined
+from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.first_fits import first_fits
+from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -208,12 +210,34 @@ def test_an_unbalanced_load_of_a_servo_is_no_weight(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_is_missing_from_a_servo_without_dry_friction(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """A model that is complete is left alone, and its motor, whose kt is free, is not told as another one."""
+    """A model that is complete is left alone, and its motor, whose kt is free, is not told as another one: kt stays at
+    the file's value, 0.8 of its own, and the inertia is in proportion."""
     model = SERVO + f"kp = {GAIN}\nU = {SUPPLY}\n"
     answer = explained(tmp_path, model, [servo(seed, coulomb=0.0, length=2.5) for seed in (4, 5)])
     assert answer["verdict"] == "nothing_missing"
     assert answer["missing"] == []
+    assert answer["scale"] == [{"parameter": "kt", "value": 1.2, "unit": "N m/A"}]
+    assert answer["parameters"]["J"][0] == pytest.approx(0.8 * INERTIA, rel=0.01)
     assert "it stands for all by which the servo trails" not in caplog.text
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_torques_of_a_servo_are_relative_to_its_motor_constant(scale: float) -> None:
+    """Inertia and dry friction are in proportion to the kt that the file has, within a tenth; and where the
+    model has no viscous friction, which kt then stands for, that kt is said to be no measurement."""
+    recorded = experiments(build_model("servo"), [servo(1, length=3.0)])
+    values = {"kt": scale * TORQUE_CONSTANT, "kp": GAIN, "U": SUPPLY}
+    noise = {"position": NOISE_RAD}
+    model = build_model("servo", ["viscous_friction", "coulomb_friction"], values)
+    fit = fitted(model, recorded, Method.MOTION, noise)
+    estimates = {one.name: one for one in fit.estimates}
+    for name, true in (("J", INERTIA), ("coulomb_friction.tau_c", COULOMB)):
+        assert estimates[name].value == pytest.approx(scale * true, rel=0.1)
+    assert [(one.name, one.value, one.identified) for one in fit.held] == [("kt", values["kt"], False)]
+    bare = fitted(build_model("servo", ["coulomb_friction"], values), recorded, Method.MOTION, noise)
+    (kt,) = bare.held
+    friction = next(one for one in bare.estimates if one.name == "coulomb_friction.tau_c")
+    assert friction.value / kt.value == pytest.approx(COULOMB / TORQUE_CONSTANT, rel=0.1)
 
 
 @pytest.mark.slow
