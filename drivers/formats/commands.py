@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -74,10 +74,10 @@ def unused(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Ser
     ]
 
 
-def unnamed(chosen: Sequence[Chosen], series: Sequence[Series], clock: str) -> list[str]:
-    """The series whose names say nothing that may drive the motion, where no drive is used; clock: the series that is
-    the time."""
-    columns, taken = {one.column for one in chosen}, {clock, *(one.series for one in chosen)}
+def unnamed(chosen: Sequence[Chosen], series: Sequence[Series], clocks: Collection[str]) -> list[str]:
+    """The series whose names say nothing that may drive the motion, where no drive is used; clocks: the series that are
+    the time, or count the rows."""
+    columns, taken = {one.column for one in chosen}, {*clocks, *(one.series for one in chosen)}
     if not columns & MOTIONS or columns & DRIVES:
         return []
     moved = next(one.series for one in chosen if one.column in MOTIONS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -19,7 +18,6 @@ __all__ = ["BY_SPEED", "by_speed", "goal_beside", "own_doubts", "speeds_of"]
 
 BY_SPEED = "; its speed"
 """the end of the reason for an angle that was read in degrees because of its speed"""
-ANGULAR = re.compile("angular", re.IGNORECASE)
 FOLLOWED, UNSURE = 0.9, 1.4
 """The least correlation of a goal with the angle that follows it, and how many times as far as the goal the angle may
 swing, or less far: a first-order lag at its corner frequency has 1.4.  Gears may have such a ratio; this only warns.
@@ -34,7 +32,7 @@ def speeds_of(chosen: Sequence[Chosen], series: Sequence[Series]) -> list[Series
     angles = [one for one in chosen if one.column == "position" and one.si == "rad" and speed_of(one.series) is None]
     joints = {joint_of(one.series) for one in angles}
     taken = {one.series for one in chosen}
-    found = [one for one in series if one.name not in taken and _speed_of(one.name) is not None]
+    found = [one for one in series if one.name not in taken and speed_of(one.name) is not None]
     return [one for one in found if joint_of(one.name) in joints]
 
 
@@ -47,7 +45,7 @@ def by_speed(
     at = next((k for k, one in enumerate(chosen) if one.column == "position"), None)
     if at is None:
         return kept, turned, []
-    units = {one.name: one.unit or _speed_of(one.name) or "" for one in speeds}
+    units = {one.name: one.unit or speed_of(one.name) or "" for one in speeds}
     factors = {name: _times_as_fast(parts[at], read[name], unit) for name, unit in units.items()}
     name = next((name for name, factor in factors.items() if factor != 1), "")
     if not name:
@@ -86,13 +84,13 @@ def own_doubts(time: FloatArray, columns: Mapping[str, FloatArray], extra: Mappi
     if "command" in columns and (both := ~np.isnan(position + columns["command"])).any():
         names = {"command": "command", "position": "position"}
         found += _beside(names, _times_as_far(columns["command"][both], position[both]))
-    for name in (name for name in extra if _speed_of(name) is not None):
+    for name in (name for name in extra if speed_of(name) is not None):
         try:
             speed = np.array([float(cell) if cell.strip() else np.nan for cell in extra[name]])
         except ValueError:
             continue
         there = ~np.isnan(position + speed)
-        factor = _times_as_fast((time[there], position[there]), (time[there], speed[there]), _speed_of(name) or "")
+        factor = _times_as_fast((time[there], position[there]), (time[there], speed[there]), speed_of(name) or "")
         if factor > 1:
             said = f"it changes {factor:.3g} times as fast as {shown(name)} says, as degrees beside rad/s do"
             found.append(f"position: {said}; if so, use {mapped('position', 'position', ':deg')}")
@@ -108,11 +106,6 @@ def _beside(names: Mapping[str, str], ratio: float) -> list[str]:
             said = f"{shown(names[one])} moves {far:.3g} times as far as {shown(names[other])}"
             return [f"{one}: {said}, as degrees beside rad do; if so, use {mapped(one, names[one], ':deg')}"]
     return []
-
-
-def _speed_of(name: str) -> str | None:
-    """As ``speed_of``, and of an angular velocity, which elsewhere is that of a gyroscope."""
-    return speed_of(ANGULAR.sub("", name))
 
 
 def _times_as_fast(angle: Part, speed: Part, unit: str) -> float:

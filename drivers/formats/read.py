@@ -75,7 +75,8 @@ def imported(path: Path, choice: Choice) -> Imported:
     kept, parts, told = in_degrees(kept, parts, source.series)
     notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *unused(kept, parts, source.series)]
     notes += goals(kept, parts, source.series)
-    if left := unnamed(kept, source.series, clock):
+    counting = source.counting if isinstance(source, Table) else ()
+    if left := unnamed(kept, source.series, {clock, *counting}):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
         notes += undriven(source.read(left, choice).values, motion)
     metadata = _metadata(source.kind, guess.joint, kept, samples)

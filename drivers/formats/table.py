@@ -133,7 +133,7 @@ class Table:
         """The series that is the time although its name does not say so; "" for none: the first one, or the only one,
         that ascends in steps of one size, of less than half a second, or as a clock counts ms or µs, but not from 0 or
         1 on by one a row; of several the times of structures, if they are the same; without a header also the only one
-        that ascends."""
+        that ascends, or the first, if its steps are the most even: a place that moves steadily ascends, too."""
         if self.times:
             return ""
         names = [one.name for one in self.series if not one.unit and _may_be_time(one.name)]
@@ -152,7 +152,9 @@ class Table:
                 name for name, values in loaded.items() if _ascends(values, may_begin_anew=True)
             ]
         if len(found) > 1:
-            found = [name for name in found if is_time(name.rpartition(".")[2])]
+            told = [name for name in found if is_time(name.rpartition(".")[2])]
+            first, *others = (_unevenness(loaded[name]) for name in found)
+            found = told or found[: all(map(UNNAMED.fullmatch, found)) and all(first < other for other in others)]
         return found[0] if found and all(np.array_equal(loaded[found[0]], loaded[other]) for other in found) else ""
 
     def _in_turn(self) -> str:
@@ -275,6 +277,12 @@ def _ascends(column: Array, may_repeat: bool = False, may_begin_anew: bool = Fal
     usual = float(np.median(steps))
     is_short = usual < LONGEST_STEP_S or _counted(values) != ""
     return is_short and float(np.quantile(steps, 0.9)) < 2 * usual
+
+
+def _unevenness(column: Array) -> float:
+    """The standard deviation of the steps of a column, as a share of their mean."""
+    steps = np.diff(np.asarray(column, dtype=np.float64))
+    return float(np.std(steps) / np.mean(steps))
 
 
 def _in_order(times: FloatArray) -> tuple[slice, list[str]]:

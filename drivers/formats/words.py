@@ -49,6 +49,8 @@ OTHER = SPEED | ERRORS | {
     "ddot", "double", "offset", "layout", "latitude", "longitude", "altitude", "direction", "accuracy",
 }  # fmt: skip
 """words of series that are none of the columns"""
+OF_SPEED = {"angular"}
+"""words of these that a speed may have beside its own"""
 INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
 """what drives a motor, in a unit of its own: a share of the voltage, most often"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
@@ -238,7 +240,7 @@ def speed_of(name: str) -> str | None:
     """The unit of a series that is a speed, as its name says; "" where it says none, None for other series."""
     words = set(_words(name))
     unit = _unit_of_speed(name)
-    return None if not (words & SPEED or unit) or words & (OTHER - SPEED | COMMAND) else unit
+    return None if not (words & SPEED or unit) or words & (OTHER - SPEED - OF_SPEED | COMMAND) else unit
 
 
 def is_asked_speed(name: str) -> bool:

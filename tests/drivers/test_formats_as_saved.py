@@ -888,3 +888,25 @@ def test_a_refusal_suggests_the_axis_of_a_gyroscope_that_turns(size: float, unit
     assert f"--map position=ZGyro:{unit}" in refused(path)
     path.write_text(header + rows(1e3 * T, SWING, speed, speed[::-1], speed, SWING, -SWING, sign=","))
     assert "--map position=sensPitch" in refused(path)
+
+
+@pytest.mark.parametrize("name", ["angular_velocity", "Angular Velocity"])
+def test_the_only_column_beside_the_time_is_no_angle_if_its_name_says_a_speed(name: str, tmp_path: Path) -> None:
+    """An angular velocity was read as an angle, in degrees where it is large.  The line that the refusal suggests
+    works."""
+    path = tmp_path / "wheel.csv"
+    path.write_text(f"time,{name}\n" + rows(T, 4 * np.gradient(SWING, T), sign=","))
+    assert f"position={name}:rad/s" in refused(path)
+    angle = read(path, f"position={name}:rad/s").recording.columns["position"]
+    assert angle == pytest.approx(4 * (SWING - SWING[0]), abs=0.02)
+
+
+def test_of_columns_that_ascend_the_first_is_the_time_if_it_does_so_most_evenly(tmp_path: Path) -> None:
+    """Rows, a constant duty, µs, and the place of a cart that moves off: its steps are less even than those of the
+    clock.  What counts the rows is not proposed as what drives it."""
+    path = tmp_path / "cart.csv"
+    count, place = np.arange(T.size), 0.2 * (T + np.exp(-5 * T) / 5)
+    path.write_text("".join(f"{i},100,{5088 * i + i % 3},{x:.6f}\n" for i, x in zip(count, place, strict=True)))
+    found = read(path, "position=column4:m")
+    assert found.recording.time == pytest.approx(count * 5.088e-3, abs=1e-5)
+    assert not any("column1 is not used" in note for note in found.notes)
