@@ -134,7 +134,7 @@ def _check_sizes(signals: Sequence[Signals]) -> None:
     size = np.abs(torque)
     is_constant, is_along = np.ptp(torque) <= FLAT_SHARE * size.max(), (torque * velocity > 0).all()
     is_one = np.ptp(size) <= FLAT_SHARE * size.max() and (is_constant or is_along)
-    if is_one or all(map(_is_switched, signals)):
+    if is_one or _is_switched(signals):
         shown = torque[0] if is_constant else size[0] if is_one else float(np.median(size))
         raise ExperimentError(
             f"{signals[0].experiment.name}: found a {'torque' if is_one else 'voltage'} of {shown:.4g} "
@@ -143,14 +143,20 @@ def _check_sizes(signals: Sequence[Signals]) -> None:
         )
 
 
-def _is_switched(one: Signals) -> bool:
-    """Whether a voltage is that of a supply, of either sign, along the motion in nearly all samples of it: it is what
-    moves the part, and is none of its friction."""
-    moving = np.abs(one.velocity) > one.rest_speed
-    if one.experiment.drive is None or one.experiment.drive_unit != "V" or not moving.any():
+def _is_switched(signals: Sequence[Signals]) -> bool:
+    """Whether a voltage is that of one supply in all recordings, of either sign, along the motion in nearly all samples
+    of it: it is what moves the part, and is none of its friction.  Supplies of several sizes tell these apart."""
+    drives = [one.experiment.drive for one in signals]
+    if None in drives or any(one.experiment.drive_unit != "V" for one in signals):
         return False
-    along = (np.asarray(one.experiment.drive.position(one.time)) * np.sign(one.velocity))[moving]
-    return float(np.mean(along < SUPPLIES * along.max())) < BRAKES
+    sided = [
+        np.asarray(drive.position(one.time)) * np.sign(one.velocity)
+        for drive, one in zip(drives, signals, strict=True)
+        if drive
+    ]
+    moving = [np.abs(one.velocity) > one.rest_speed for one in signals]
+    along = np.concatenate([values[where] for values, where in zip(sided, moving, strict=True)])
+    return bool(along.size) and float(np.mean(along < SUPPLIES * along.max())) < BRAKES
 
 
 def _check_sign(signals: Sequence[Signals]) -> None:

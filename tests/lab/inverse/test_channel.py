@@ -235,3 +235,25 @@ def test_a_supply_that_is_switched_to_and_fro_needs_samples_that_brake(constant_
     with pytest.raises(ExperimentError, match=r"found a voltage of 1[67]\.\d* along the motion at all times"):
         Channel.of([recorded])
     assert Channel.of([replace(recorded, drive_unit="")]).band_hz > 0
+
+
+def test_constant_voltages_of_several_sizes_are_no_single_supply() -> None:
+    """A motor that starts from rest by another constant voltage in each recording: each alone would be exact as dry
+    friction of its size, all together tell the back EMF from the friction."""
+
+    def started(volts: float) -> Experiment:
+        law = lambda t, y: (y[1], (volts - B * y[1] - 0.2 * np.tanh(y[1] / 1e-3)) / J)  # noqa: E731
+        time = TIMES[TIMES < 1.0]
+        moved = solve_ivp(law, (0.0, time[-1]), (0.0, 0.0), "LSODA", time, rtol=1e-8).y[0]
+        noise = 1e-5 * np.random.default_rng(int(10 * abs(volts))).standard_normal(time.size)
+        steady = Sampled(time, np.full(time.size, volts))
+        return Experiment(f"{volts} V.csv", steady, time, {"position": moved + noise}, drive_unit="V")
+
+    with pytest.raises(ExperimentError, match="of 1 along the motion at all times"):
+        Channel.of([started(1.0), started(-1.0)])
+    recordings = [started(volts) for volts in (1.0, -1.0, 0.5, 2.0, -2.0, 1.5)]
+    with open_executor() as pool:
+        answer = explain(build_model("joint"), recordings, pool)
+    assert set(answer.missing) == {"viscous_friction", "coulomb_friction"}
+    assert answer.best["viscous_friction.b_v"].value == pytest.approx(B, rel=0.05)
+    assert answer.best["coulomb_friction.tau_c"].value == pytest.approx(0.2, rel=0.1)
