@@ -21,7 +21,8 @@ F = TypeVar("F", bound=Fit)
 def eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F]) -> Selection[F]:
     """Eliminates effects that later ones have made superfluous, that only led a fit out of another minimum, whose size
     is no longer identified, or with which the last recording is predicted worse, as long as the estimates of the others
-    agree with their definitions.  A law gives way to its simpler part where that predicts as well.
+    agree with their definitions.  A law gives way to its simpler part where that predicts as well, or where the data do
+    not identify what the law has beyond it.
 
     Of several that are superfluous the one is eliminated without which unseen samples are predicted best, as the others
     may be needed then: Coulomb friction had taken the place of viscous friction that leaves two thirds of its error, as
@@ -36,12 +37,15 @@ def eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F])
 
     while added and not is_over():
         lacking = {effect: refitted(reduced(now.model, effect, first)) for effect in added if not is_over()}
-        if not (least := _least_needed(lacking, added, now, likelihood)) or is_over():
+        if not (least := _least_needed(lacking, added, first, now, likelihood)) or is_over():
             break  # fits that were cut short decide nothing
         now, added, lacking = lacking[least], [name for name in added if name != least], {}
     for effect in [] if is_over() else [*added]:
         simple = simplified(now.model, effect, first)
-        if simple and _is_enough(part := refitted(simple), now, likelihood) and not is_over():
+        if not simple or is_over():
+            continue
+        part = refitted(simple)
+        if (_is_enough(part, now, likelihood) or not likelihood.is_sized(effect, now)) and not is_over():
             now, added = part, relabelled(added, first.effects, part.model.effects)
             lacking.pop(effect, None)
     if is_over():
@@ -63,19 +67,22 @@ def _without_last(
     return now, added
 
 
-def _least_needed(lacking: Mapping[str, F], added: Sequence[str], now: F, likelihood: Likelihood[F]) -> str:
+def _least_needed(
+    lacking: Mapping[str, F], added: Sequence[str], first: Model, now: F, likelihood: Likelihood[F]
+) -> str:
     """The effect without which unseen samples are predicted best, of those that are not needed; "" where all are.
 
-    An effect is not needed if the fit without it is enough, else if its size is not identified.  The second is asked
-    where the first holds of none, as for gears it takes a refined fit: 18 s of processor time for a shaft compliance
-    that was eliminated."""
+    An effect is not needed if the fit without it is enough, else if its size is not identified, unless a simpler law
+    may take its place.  The second is asked where the first holds of none, as for gears it takes a refined fit: 18 s of
+    processor time for a shaft compliance that was eliminated."""
     apt = {
         effect: less
         for effect, less in lacking.items()
         if are_consistent(less.model, [name for name in added if name != effect])
     }
     superfluous = [effect for effect, less in apt.items() if _is_enough(less, now, likelihood)]
-    superfluous = superfluous or [effect for effect in apt if not likelihood.is_sized(effect, now)]
+    whole = [effect for effect in apt if not simplified(now.model, effect, first)]
+    superfluous = superfluous or [effect for effect in whole if not likelihood.is_sized(effect, now)]
     errors = {effect: likelihood.predictions(apt[effect], now, of_all=True).usual for effect in superfluous}
     return min(errors, key=lambda effect: errors[effect], default="")
 
