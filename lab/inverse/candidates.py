@@ -14,7 +14,7 @@ from functools import reduce
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.frequency_response import usual_torque
+from lostmotion.lab.data.frequency_response import spectral_lines, usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import with_free_states
@@ -71,9 +71,9 @@ def equation_error_fit(model: Model, signals: Sequence[Signals]) -> Regression |
     return tried(softened(model, error.signals), [error], error.nuisance, MOST_STEPS) if _follow_motion(model) else None
 
 
-def sizes_of(model: Model, data: Problem) -> MotionScales:
-    """The magnitudes of the motion from which initial guesses of effects follow."""
-    signals = data.signals
+def sizes_of(fit: Regression) -> MotionScales:
+    """The magnitudes of the motion from which initial guesses of effects follow, and the lines of what a fit leaves."""
+    model, data, signals = fit.model, fit.data, fit.data.signals
     position, speed, acceleration = (
         [getattr(one, what) for one in signals] for what in ("position", "velocity", "acceleration")
     )
@@ -94,9 +94,21 @@ def sizes_of(model: Model, data: Problem) -> MotionScales:
         peak=max(float(np.nanmax(np.abs(one.experiment.measured[one.column]))) for one in signals),
         k=stiffness, b=damping, d=0.0, inertia=inertia_of(model),
         length=max(float(one.time[-1]) for one in signals), resonance=natural_frequency(model),
-        rest=bias / stiffness if stiffness and not data.is_driven else 0.0, lines=loudest.lines,
+        rest=bias / stiffness if stiffness and not data.is_driven else 0.0, lines=_lines(fit, loudest),
         noise=max(one.position_noise for one in signals),
     )  # fmt: skip
+
+
+def _lines(fit: Regression, one: Signals) -> tuple[float, ...]:
+    """The frequencies [Hz] of the lines in the spectrum of what a fit leaves of a recording, the strongest first.  What
+    drives a bar may have more lines than it has resonances: of the readings of an arm under 100 sines the six strongest
+    did not have that of its other resonance."""
+    if not isinstance(fit.data, OutputError):
+        return ()
+    left = np.array(one.experiment.measured[one.column], dtype=float)
+    parts = zip(fit.data.signals, fit.data.by_recording(fit.misfit), strict=True)
+    left[~np.isnan(left)] = next(part for each, part in parts if each is one)
+    return spectral_lines(left, one.experiment.rate_hz)
 
 
 def candidates(model: Model, added: tuple[str, ...], data: Problem) -> Iterator[tuple[str, Model]]:
@@ -168,7 +180,7 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     """The fit from that of the ``STARTS`` best initial guesses, by what they explain of the residual, which first leads
     to one that fits the name; of a few steps where the motion is simulated.  None where there is none, or the time is
     up."""
-    size = sizes_of(now.model, now.data)
+    size = sizes_of(now)
     wide = _above_noise(wide, name, size)
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
@@ -240,7 +252,7 @@ class _Start:
 def _trailing(name: str, wide: Model, now: Regression) -> list[Values]:
     """First values of an effect by which an actuator trails its command: ``TRAILS`` of the time by which it does."""
     if not (delay := get_effect(name).delays_by):
-        return initial_guesses(wide, name, sizes_of(now.model, now.data))
+        return initial_guesses(wide, name, sizes_of(now))
     lateness = [np.sum((one.driving - one.position) * one.velocity) for one in now.data.signals]
     trail = float(sum(lateness) / sum(np.sum(one.velocity**2) for one in now.data.signals))
     full = f"{name}.{delay}"

@@ -207,11 +207,6 @@ class Signals:
         """Signals (..., N) after the filter, whose cutoff is the end of the band."""
         return lowpass(signals, self.band_hz / self._rate)
 
-    @cached_property
-    def lines(self) -> tuple[float, ...]:
-        """The frequencies of the lines in the spectrum of the readings [Hz], the strongest first."""
-        return spectral_lines(self.experiment.measured[self.column], self.experiment.rate_hz)
-
     @property
     def driving(self) -> FloatArray:
         """The recorded input (N,); zeros where there is none."""

@@ -13,14 +13,16 @@ from scipy.signal import TransferFunction, lsim
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments, explain
-from lostmotion.lab.data.frequency_response import from_spectra
+from lostmotion.lab.data.frequency_response import from_spectra, spectral_lines
 from lostmotion.lab.data.noise import noise_of
 from lostmotion.lab.fitting.identifiability import with_scale
-from lostmotion.lab.inverse.candidates import refined
+from lostmotion.lab.inverse.candidates import refined, sizes_of
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method, WholeMotion
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.model import build_model
+from lostmotion.model.motion import FloatArray
 
 
 def bar_of(case: Case) -> Bar:
@@ -150,3 +152,23 @@ def test_hidden_effects_are_found(hidden: str, seed: int, count: int) -> None:
         found = explain(model, experiments(model, case.recordings()[:count]), pool, budget_s=600.0)
     assert found.missing == (hidden,)
     assert found.error.after < 1.5 * found.error.noise
+
+
+def test_a_second_mode_is_looked_for_in_what_the_first_one_leaves() -> None:
+    """A force of 110 sines, which grow with their frequency, moves two modes, at 15.84 and, by a fiftieth of the force
+    and against it, at 7.28 Hz.  The six strongest lines of the motion are near the first one and above it."""
+    time = np.arange(0.0, 20.0, 0.005)
+    rng = np.random.default_rng(3)
+    force = sum((at / 16) ** 2 * np.sin(2 * np.pi * (at * time + rng.random())) for at in np.arange(1.5, 29.0, 0.25))
+
+    def mode(at_hz: float, share: float) -> FloatArray:
+        w = 2 * np.pi * at_hz
+        return np.asarray(lsim(TransferFunction([share / 0.02], [1, 0.01 * w, w * w]), force, time)[1])
+
+    moved = mode(15.84, 1.0) + mode(7.28, -0.02)
+    assert not any(line == pytest.approx(7.28, rel=0.05) for line in spectral_lines(moved, 200.0))
+    recorded = Recording(time, {"force": force, "displacement": moved + 1e-5 * rng.standard_normal(time.size)})
+    model = build_model("oscillator")
+    (held,) = experiments(model, [recorded])
+    first = WholeMotion(Method.MOTION, model, [Signals.of(held)]).first
+    assert sizes_of(first.ordinary).lines[0] == pytest.approx(7.28, rel=0.05)

@@ -49,9 +49,7 @@ def test_drag_beside_a_friction_of_zero_begins_no_worse_than_without_it(swing: R
     without drag, and dry friction, which cannot be smaller than zero, is no part of it."""
     now = fitted(swing, 0.025)
     wide = now.model.with_effect("quadratic_damping")
-    begin = [
-        wide.replace(values) for values in initial_guesses(wide, "quadratic_damping", sizes_of(now.model, now.data))
-    ]
+    begin = [wide.replace(values) for values in initial_guesses(wide, "quadratic_damping", sizes_of(now))]
     best = guesses("quadratic_damping", begin, now, now.data)[0]
     model, nuisance = initial_point("quadratic_damping", best, now, now.data)
     error = float(np.sqrt(np.mean(now.data.residual(model, nuisance) ** 2)))
