@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_d
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.goal import goals, nearest
-from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, guessed, unknown
+from lostmotion.drivers.formats.guess import MOTIONS, POWERS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
     liveliest,
     with_angle,
@@ -73,13 +73,16 @@ def imported(path: Path, choice: Choice) -> Imported:
     kept = _of_axis(kept)
     kept, parts, of_speed = by_speed(kept, parts, samples.values, _speeds(guess, source))
     kept, parts, told = in_degrees(kept, parts, source.series)
-    notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *unused(kept, parts, source.series)]
+    left_drive = unused(kept, parts, source.series)
+    notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *left_drive]
     notes += goals(kept, parts, source.series)
     counting = source.counting if isinstance(source, Table) else ()
     if left := unnamed(kept, source.series, {clock, *counting}):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
         notes += undriven(source.read(left, choice).values, motion)
     metadata = _metadata(source.kind, guess.joint, kept, samples)
+    if left_drive and not POWERS & {*choice.terms}:
+        metadata["imported"]["left_drive"] = left_drive[0]
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)
     recording = Recording(time, columns, metadata, name=str(path))

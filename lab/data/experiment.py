@@ -18,7 +18,7 @@ from lostmotion.lab.data import readings
 from lostmotion.lab.data.checks import LEAST_SAMPLES, check_goal, check_output, check_rate
 from lostmotion.lab.data.frequency_response import turned
 from lostmotion.lab.data.rounded_input import rounding_step, smooth_motion
-from lostmotion.lab.data.stand_ins import LENGTHS, is_sampled, with_stand_ins
+from lostmotion.lab.data.stand_ins import LENGTHS, imported_columns, is_sampled, with_stand_ins
 from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
@@ -79,6 +79,8 @@ class Experiment:
     where it is one."""
     drive_step: float = 0.0
     """The step to which the command of gears was rounded [rad], 0 where it was not; see rounded_input.py."""
+    left_drive: str = ""
+    """What the reader says of a command in the file that no column has, as of what may drive the motion."""
 
     def __repr__(self) -> str:
         """Its size and columns, without the arrays."""
@@ -197,7 +199,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
         _drive_unit(model.base, recording, column) if drive is not None else "",
-        step,
+        step, "" if drive is not None else str(imported_columns(recording).get("left_drive", "")),
     )  # fmt: skip
     if model.base == "play":
         check_rate(recording.name, experiment.rate_hz)

@@ -99,7 +99,7 @@ def _released(experiment: Experiment) -> Experiment:
 
 def _check_energy(signals: Signals, part: _FreePart) -> None:
     """Raises ExperimentError for a part that gains energy, as a joint under control does, or one whose neighbour
-    swings; warns of one that loses none."""
+    swings, and for one that loses none beside a command that is not used; warns of another one that loses none."""
     free = (signals.time >= part.begins) & (signals.time <= part.ends)
     position, velocity = signals.position[free], signals.velocity[free]
     gain, (loss, passages) = energy_gain(position, velocity), energy_loss(position, velocity)
@@ -109,6 +109,12 @@ def _check_energy(signals: Signals, part: _FreePart) -> None:
             f"place again, the square of its speed is larger by up to {100 * gain:.0f} % of the largest), and nothing "
             "that drives it; expected what does: choose its series with --map torque=SERIES (or current=, voltage=), "
             "or cut out the part that moves by itself"
+        )
+    if loss < LOSS and (said := signals.experiment.left_drive):
+        raise ExperimentError(
+            f"{signals.experiment.name}: found a motion that passes a place {passages} times and loses no energy, as "
+            f"one that is driven, and a command that is not used: {said}; if it moves freely all the same, use "
+            "--map torque="
         )
     if loss < LOSS:
         log.warning(

@@ -246,3 +246,22 @@ def test_what_loses_no_energy_may_be_driven(motion: str, tmp_path: Path, caplog:
     result = call("lab", "compare", "joint", path)
     assert result.exit_code == 0, result.output
     assert ("loses no energy, as a motion that is driven" in caplog.text) == (motion in ("triangle", "sine"))
+
+
+@pytest.mark.parametrize("motion", ["sine", "swing"])
+def test_what_loses_no_energy_beside_a_command_that_is_not_used_is_refused(motion: str, tmp_path: Path) -> None:
+    """A motor under a sine, whose measured torque is zero throughout, had the weight of an arm.  The refusal says how
+    to use the command, and how to leave it; a pendulum that dies away beside it needs neither."""
+    time = np.arange(1000) / 100
+    phase = 2 * np.pi * time
+    angle = 0.3 * np.sin(phase) * (np.exp(-phase / 100) if motion == "swing" else 1.0)
+    angle += np.random.default_rng(1).normal(0, 1e-3, time.size)
+    path = tmp_path / "motor.csv"
+    columns = np.stack([time, angle, np.zeros(time.size), np.cos(phase)], axis=1)
+    np.savetxt(path, columns, "%.6f", ",", header="t,angle,torque,commanded_torque", comments="")
+    result = call("lab", "compare", "joint", path)
+    assert (result.exit_code == 2) == (motion == "sine"), result.output
+    if motion == "sine":
+        assert "use --map torque=commanded_torque; if it moves freely all the same, use --map torque=" in result.output
+        for terms in ("torque=commanded_torque", "torque="):
+            assert call("lab", "compare", "joint", path, "--map", terms).exit_code == 0
