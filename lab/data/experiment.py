@@ -7,6 +7,7 @@ cannot be used are rejected, with one line on what was found and what the base n
 from __future__ import annotations
 
 import logging
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
+from lostmotion.drivers.units import COLUMN_UNITS
 from lostmotion.lab.data import readings
 from lostmotion.lab.data.checks import LEAST_SAMPLES, check_goal, check_output, check_rate
 from lostmotion.lab.data.frequency_response import turned
@@ -195,6 +197,9 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
     measured = {name: recording.columns[name][rows] for name in outputs}
     for name, values in measured.items():
         check_output(recording.name, name, values)
+        if model.base == "oscillator" and (unit := recording.foreign_units.get(name)):
+            usual = COLUMN_UNITS[name]
+            log.warning("%s: the %s is in %s, so that %s stands for %s", recording.name, name, unit, usual, unit)
     experiment = Experiment(
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),
         recording.metadata.get("position_unit") in LENGTHS,
@@ -214,10 +219,17 @@ def _outputs(recording: Recording, base: str) -> list[str]:
     if not outputs:
         raise ExperimentError(
             f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[base])}; the "
-            f"base {base!r} is compared with these: choose its series with --map {OUTPUTS[base][-1]}=SERIES "
+            f"base {base!r} is compared with these: choose its series with {_of_sensor(recording, base)} "
             f"(lostmotion import {recording.name} lists them)"
         )
     return outputs
+
+
+def _of_sensor(recording: Recording, base: str) -> str:
+    """What to type for a motion of which there is no column: a voltage beside an oscillator is that of its sensor."""
+    voltage = imported_columns(recording).get("voltage") if base == "oscillator" else None
+    assigned = f"{OUTPUTS[base][0 if voltage else -1]}={voltage or 'SERIES'}"
+    return f"--map {shlex.quote(assigned)}"
 
 
 def _drive_unit(base: str, recording: Recording, column: str) -> str:

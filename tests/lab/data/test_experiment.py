@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lostmotion.daemon.cli import cli
-from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.drivers.recording import Recording, read_recording, write_recording
 from lostmotion.lab.data.experiment import Experiment, experiments
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import HandWaved, Sampled, build_model
@@ -402,3 +402,21 @@ def test_a_servo_that_is_let_go(base: str, first: int, last: int, caplog: pytest
     (found,) = held(base, Recording(TIMES, columns, extra={"torque_enabled": enabled}, name="rec.csv"))
     assert found.time[[0, -1]] == pytest.approx(TIMES[[first, last]])
     assert f"from {TIMES[first]:.3g} to {TIMES[last]:.3g} s" in caplog.text
+
+
+def test_the_voltage_of_a_sensor_is_the_motion_of_an_oscillator(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A voltage drives no oscillator: the refusal suggests its series as the displacement, and the unit is told."""
+    time = np.arange(400) / 50
+    path = tmp_path / "seismometer.txt"
+    volts = np.exp(-0.2 * time) * np.sin(5 * time)
+    path.write_text(
+        "Time ( s )\tVoltage ( V )\n" + "".join(f"{t}\t{v:.5f}\n" for t, v in zip(time, volts, strict=True))
+    )
+    model = build_model("oscillator")
+    with pytest.raises(ExperimentError, match=r"--map 'displacement=Voltage \( V \)'"):
+        experiments(model, [read_recording(path)])
+    (one,) = experiments(model, [read_recording(path, terms=["displacement=Voltage ( V )"])])
+    assert one.measured["displacement"] == pytest.approx(volts, abs=1e-5)
+    assert "the displacement is in V, so that m stands for V" in caplog.text
