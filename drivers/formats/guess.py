@@ -275,7 +275,8 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
         return f"{moving['why']}, if there are {rows} rows a second: {drives}"
     if why := moving.get("why"):
         motion, drive = mapped(axis.motion, moving["perhaps"]), mapped(axis.drive, "SERIES")
-        return f"{why}: assign one of them, as in {motion}, and what drives it, as in {drive}"
+        goal = f", or a servo's goal, as in {mapped('command', 'SERIES')}" * (axis is TURN)
+        return f"{why}: assign one of them, as in {motion}, and what drives it, as in {drive}{goal}"
     example = _example(series, clock, moving, spans, axis)
     if rough := moving.get("rough"):
         said = f"{shown(rough)} neither swings nor keeps its speed, as what has an inertia does"

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.drivers.units import COLUMN_UNITS
 from lostmotion.lab.data import readings
 from lostmotion.lab.data.checks import LEAST_SAMPLES, check_goal, check_output, check_rate
 from lostmotion.lab.data.frequency_response import turned
@@ -198,7 +197,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
     for name, values in measured.items():
         check_output(recording.name, name, values)
         if model.base == "oscillator" and (unit := recording.foreign_units.get(name)):
-            usual = COLUMN_UNITS[name]
+            usual = replace(recording, metadata={}).unit(name)
             log.warning("%s: the %s is in %s, so that %s stands for %s", recording.name, name, unit, usual, unit)
     experiment = Experiment(
         recording.name, drive, time[rows], measured, _given(model, recording), float(recording.time[0]),

@@ -157,6 +157,7 @@ def test_a_goal_and_its_speed_are_no_angle_without_a_name(tmp_path: Path) -> Non
     path.write_text(rows(T, rough, ANGLE, SPEED, INPUT, sign=" "))
     told = refused(path)
     assert "column4 is how fast column3 changes, as column2 does: assign one of them, as in --map position=" in told
+    assert "or a servo's goal, as in --map command=SERIES" in told
 
 
 def test_a_header_as_ours_with_the_input_of_a_motor(tmp_path: Path) -> None:
