@@ -21,7 +21,7 @@ from lostmotion.model.motion import FloatArray
 if TYPE_CHECKING:
     from lostmotion.lab.data.experiment import Experiment
 
-__all__ = ["from_spectra", "spectral_lines", "turned", "usual_torque"]
+__all__ = ["from_spectra", "spectral_lines", "strongest_mode", "turned", "usual_torque"]
 
 Spectrum = NDArray[np.complex128]
 Band = tuple[float, float]
@@ -61,14 +61,30 @@ def turned(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment,
 def _sign(model: Model, experiment: Experiment) -> float:
     """The sign that mass, damping and stiffness have in common by the strongest mode of a recording, 0 where they have
     none."""
-    column, _ = _output(model, [experiment])
-    line = spectral_lines(experiment.measured[column], experiment.rate_hz)[:1] if column else ()
-    if not line:
-        return 0.0
-    orders = ORDER[model.base]
-    found = _estimates(model, [experiment], orders, list(orders), (line[0] / BESIDE_LINE, line[0] * BESIDE_LINE))
+    found = _of_strongest_mode(model, [experiment], list(ORDER[model.base]))
     signs = {float(np.sign(value)) for value in found.values()}
     return signs.pop() if len(signs) == 1 else 0.0
+
+
+def _of_strongest_mode(model: Model, experiments: Sequence[Experiment], wanted: Sequence[str]) -> dict[str, float]:
+    """The parameters that are ``wanted``, beside the strongest line in the spectrum of the output of the first
+    recording; {} where it has none."""
+    column, usable = _output(model, experiments)
+    line = spectral_lines(usable[0].measured[column], usable[0].rate_hz)[:1] if column else ()
+    band = (line[0] / BESIDE_LINE, line[0] * BESIDE_LINE) if line else (0.0, 0.0)
+    return _estimates(model, usable, ORDER[model.base], wanted, band) if line else {}
+
+
+def strongest_mode(model: Model, experiments: Sequence[Experiment]) -> Model | None:
+    """The model with the mass, damping and stiffness of the strongest mode that a force drives, as another mode biases
+    those of ``from_spectra``; None where these are not physical."""
+    wanted = [
+        name for name in ORDER.get(model.base, {}) if name in model.parameters and not model.parameters[name].fixed
+    ]
+    if model.base != "oscillator" or not wanted:
+        return None
+    values = _of_strongest_mode(model, experiments, wanted)
+    return model.replace(values) if values and min(values.values()) > 0 else None
 
 
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:

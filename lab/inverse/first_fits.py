@@ -8,6 +8,7 @@ from functools import reduce
 
 import numpy as np
 
+from lostmotion.lab.data.frequency_response import strongest_mode
 from lostmotion.lab.inverse.candidates import equation_error_fit, tried, with_values
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression
@@ -32,10 +33,11 @@ def first_fits(model: Model, signals: Sequence[Signals]) -> list[Regression]:
 
 
 def _starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
-    """The model as it is, and with the values of its fit to the acceleration."""
+    """The model as it is, with the values of its fit to the acceleration, and with those of the strongest mode."""
     model = simulable(model, signals)
     found = equation_error_fit(model, signals)
-    return [model, with_values(model, found.model)] if found else [model]
+    strongest = strongest_mode(model, [one.experiment for one in signals])
+    return [model, *([with_values(model, found.model)] if found else []), *([strongest] if strongest else [])]
 
 
 def _vanishing(model: Model, bare: Model) -> Model:
