@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_d
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.goal import goals, nearest
-from lostmotion.drivers.formats.guess import MOTIONS, POWERS, Chosen, Guess, guessed, unknown
+from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, POWERS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
     liveliest,
     with_angle,
@@ -27,7 +27,7 @@ from lostmotion.drivers.formats.motion import (
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
-from lostmotion.drivers.formats.swinging import SWINGS, crossings
+from lostmotion.drivers.formats.swinging import drift_of
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
@@ -127,7 +127,7 @@ def _filled(columns: Sequence[Chosen], samples: Samples, name: str) -> tuple[lis
             continue
         values = _converted(one, values, name)
         if one.column in MOTIONS and one.si in INTEGRAL:
-            values, note = _integrated(one, times, values)
+            values, note = _integrated(one, times, values, not any(each.column in DRIVES for each in columns))
             one, notes = replace(one, si=INTEGRAL[one.si]), [*notes, note]
         parts.append((times, values))
         kept.append(one)
@@ -157,23 +157,13 @@ def _converted(one: Chosen, values: FloatArray, name: str) -> FloatArray:
     return values * one.factor + one.offset
 
 
-def _integrated(one: Chosen, times: FloatArray, speed: FloatArray) -> tuple[FloatArray, str]:
-    """The position (N,) by the trapezoidal rule, zero at the first sample, and what a person should know of it."""
-    offset = _offset(speed) if is_gyroscope(one.series) else 0.0
-    speed = speed - offset
+def _integrated(one: Chosen, times: FloatArray, speed: FloatArray, is_free: bool) -> tuple[FloatArray, str]:
+    """The position (N,) by the trapezoidal rule, zero at the first sample, and what a person should know of it;
+    is_free: whether nothing is known to drive the motion."""
     position = np.concatenate([np.zeros_like(speed[:1]), np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)])
-    less = f" less {offset:.3g} {one.si}, the mean in both halves" if offset else ""
-    return position, f"{one.column}: integrated from a speed{less}, from zero on"
-
-
-def _offset(speed: FloatArray) -> float:
-    """The error of a gyroscope on a pendulum, which would add up: the mean speed, in a window (Blackman) that leaves
-    little of a swing: beyond four periods the angle tilts by at most 1.2 % of its amplitude.  0.0 where it is not about
-    the same in either half, as where a hand lifts the pendulum first."""
-    halves = [half for half in np.array_split(speed, 2) if half.size > SWINGS]
-    means = [float(np.average(half, weights=np.blackman(half.size + 2)[1:-1])) for half in halves]
-    is_same = len(means) == 2 and abs(means[1] - means[0]) < abs(means[1] + means[0]) / 2
-    return sum(means) / 2 if is_same and crossings(speed) >= 2 * SWINGS else 0.0
+    drift = drift_of(times, position, speed) if is_free or is_gyroscope(one.series) else 0.0
+    less = f" less {drift:.3g} {one.si}, by which its swings move on in both halves" if drift else ""
+    return position - drift * (times - times[:1]), f"{one.column}: integrated from a speed{less}, from zero on"
 
 
 def _merged(chosen: Sequence[Chosen], parts: Sequence[Part]) -> tuple[FloatArray, dict[str, FloatArray]]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 
-__all__ = ["SWINGS", "crossings", "is_smooth", "power", "swings"]
+__all__ = ["SWINGS", "crossings", "drift_of", "is_smooth", "power", "swings"]
 
 SWINGS = 6
 """Crossings of the middle, of what swings.  Of 200 random walks 17 swing with three, one with four and none with six; a
@@ -48,6 +48,25 @@ def swings(values: FloatArray) -> bool:
 def crossings(values: FloatArray) -> int:
     """How often numbers cross their median."""
     return int(np.count_nonzero(np.diff(np.sign(values - np.median(values))))) if values.size else 0
+
+
+def drift_of(times: FloatArray, position: FloatArray, speed: FloatArray) -> float:
+    """The error of the speed (N,) of what swings freely, which adds up in its position (N,), the integral: how fast the
+    middle of its swings moves on, as a weight or a spring pulls it to one place.  0.0 where it does not move on alike
+    in either half, as where a hand lifts a pendulum first, or where it hardly swings.
+
+    The middle of three successive ends, the second counted twice, is that of a swing whose amplitude decays evenly.  By
+    the mean speed in smooth windows six periods were needed; with 3.2 of a wheel the error is 2 % off."""
+    ends = _crossed(speed)
+    if ends.size < SWINGS:
+        return 0.0
+    place = position[ends]
+    middle, when = (place[:-2] + 2 * place[1:-1] + place[2:]) / 4, times[ends][1:-1]
+    half = middle.size // 2
+    first, second, whole = (
+        float(np.polyfit(when[part], middle[part], 1)[0]) for part in (slice(half + 1), slice(half, None), slice(None))
+    )
+    return whole if abs(second - first) < abs(second + first) / 2 else 0.0
 
 
 def _crossed(values: FloatArray) -> NDArray[np.intp]:
