@@ -30,7 +30,19 @@ from lostmotion.drivers.formats.words import (
 )
 from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS, to_si
 
-__all__ = ["DRIVES", "MOTIONS", "POWERS", "Chosen", "Guess", "guessed", "listed", "mapped", "named", "unknown"]
+__all__ = [
+    "DRIVES",
+    "MOTIONS",
+    "NO_MOTION",
+    "POWERS",
+    "Chosen",
+    "Guess",
+    "guessed",
+    "listed",
+    "mapped",
+    "named",
+    "unknown",
+]
 
 OF_JOINTS = ("command", "position", "torque", "current", "voltage", "temperature")
 LINEAR = ("displacement", "force")
@@ -41,6 +53,8 @@ FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
+NO_MOTION = "position: none; "
+"""how a note begins on what to type for the motion"""
 NEAREST = "the goal that the position follows most closely"
 
 
@@ -206,7 +220,7 @@ def _of_left(series: Sequence[Series], chosen: Mapping[str, Chosen], notes: Sequ
     if moves is None:
         return told
     name, span = moves
-    return [*told, f"position: none; if {shown(name)} is it, use {mapped('position', name, TURN.unit(span))}"]
+    return [*told, f"{NO_MOTION}if {shown(name)} is it, use {mapped('position', name, TURN.unit(span))}"]
 
 
 def _advised(
@@ -361,7 +375,7 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
     if len(own) != 1 or not (one.unit or unit):
-        told = f"position: none; {mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed"
+        told = f"{NO_MOTION}{mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed"
         return {}, [told] * bool(found)
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
 

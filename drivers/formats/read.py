@@ -16,7 +16,7 @@ from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_d
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.goal import goals, nearest
-from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, POWERS, Chosen, Guess, guessed, unknown
+from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, NO_MOTION, POWERS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
     liveliest,
     with_angle,
@@ -83,6 +83,8 @@ def imported(path: Path, choice: Choice) -> Imported:
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     if left_drive and not POWERS & {*choice.terms}:
         metadata["imported"]["left_drive"] = left_drive[0]
+    if left_motion := [note for note in guess.notes if note.startswith(NO_MOTION)]:
+        metadata["imported"]["left_motion"] = left_motion[0].removeprefix(NO_MOTION)
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)
     recording = Recording(time, columns, metadata, name=str(path))

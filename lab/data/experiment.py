@@ -218,17 +218,21 @@ def _outputs(recording: Recording, base: str) -> list[str]:
     if not outputs:
         raise ExperimentError(
             f"{recording.name}: found {_there(recording)}, expected at least one of {', '.join(OUTPUTS[base])}; the "
-            f"base {base!r} is compared with these: choose its series with {_of_sensor(recording, base)} "
-            f"(lostmotion import {recording.name} lists them)"
+            f"base {base!r} is compared with these: {_advice(recording, base)} (lostmotion import {recording.name} "
+            "lists its series)"
         )
     return outputs
 
 
-def _of_sensor(recording: Recording, base: str) -> str:
-    """What to type for a motion of which there is no column: a voltage beside an oscillator is that of its sensor."""
-    voltage = imported_columns(recording).get("voltage") if base == "oscillator" else None
+def _advice(recording: Recording, base: str) -> str:
+    """What to type for a motion of which there is no column: what the reader says of a series that may be it; a voltage
+    beside an oscillator is that of its sensor."""
+    imported = imported_columns(recording)
+    if base == "joint" and (said := imported.get("left_motion")):
+        return str(said)
+    voltage = imported.get("voltage") if base == "oscillator" else None
     assigned = f"{OUTPUTS[base][0 if voltage else -1]}={voltage or 'SERIES'}"
-    return f"--map {shlex.quote(assigned)}"
+    return f"choose its series with --map {shlex.quote(assigned)}"
 
 
 def _drive_unit(base: str, recording: Recording, column: str) -> str:

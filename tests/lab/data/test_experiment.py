@@ -420,3 +420,14 @@ def test_the_voltage_of_a_sensor_is_the_motion_of_an_oscillator(
     (one,) = experiments(model, [read_recording(path, terms=["displacement=Voltage ( V )"])])
     assert one.measured["displacement"] == pytest.approx(volts, abs=1e-5)
     assert "the displacement is in V, so that m stands for V" in caplog.text
+
+
+def test_a_refusal_repeats_what_the_reader_says_of_a_speed(tmp_path: Path) -> None:
+    """A drive that reports speed and torque, the speed without a unit: the line to type integrates it."""
+    path = tmp_path / "drive.csv"
+    lines = "".join(f"{t / 100},{np.sin(t / 9):.4f},{np.cos(t / 9):.4f}\n" for t in range(300))
+    path.write_text("Time,Servo motor speed,Torque\n" + lines)
+    with pytest.raises(ExperimentError, match=r"--map 'position=Servo motor speed:rpm' .* integrates a speed"):
+        experiments(build_model("joint"), [read_recording(path)])
+    (one,) = experiments(build_model("joint"), [read_recording(path, terms=["position=Servo motor speed:rpm"])])
+    assert one.is_driven
