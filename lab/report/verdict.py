@@ -148,7 +148,7 @@ def of_finding(finding: Finding) -> tuple[str, ...]:
 
 
 def of_fit(fit: Fit) -> tuple[str, ...]:
-    """Sentences on the error in each column, and on parameters that are not identifiable."""
+    """Sentences on the error in each column, and on parameters that are not identifiable or held."""
     sentences = ["The fit was stopped early: these are the best figures until then."] if fit.stopped_early else []
     for column, rms in fit.rms.items():
         what, si = words.column(column, *axis_of(fit.experiments))
@@ -157,7 +157,7 @@ def of_fit(fit: Fit) -> tuple[str, ...]:
     hidden = [e.name for e in fit.estimates if not e.identified]
     if hidden:
         sentences.append(f"Not identifiable from these recordings: {joined(hidden)}.")
-    return tuple(sentences)
+    return (*sentences, *map(_held, fit.held))
 
 
 def of_comparison(comparison: Comparison) -> tuple[str, ...]:
