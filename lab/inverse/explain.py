@@ -145,7 +145,8 @@ def _explanation(
     floors = _floors(noise, best, unseen)
     left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
-    error = Errors(errors[0], errors[-1], floors[column], words.column(column, *best.data.axis)[1])
+    noise_rms = min(floors[column], best.error)  # an estimate that exceeds what a model leaves is too large
+    error = Errors(errors[0], errors[-1], noise_rms, words.column(column, *best.data.axis)[1])
     return Explanation(
         missing=tuple(share),
         share=share,
