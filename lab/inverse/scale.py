@@ -12,7 +12,7 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.results import Estimate
 from lostmotion.lab.shooting.parameters import held
-from lostmotion.model import Model, ModelError
+from lostmotion.model import Model, ModelError, Parameter
 
 __all__ = ["scaled"]
 
@@ -22,13 +22,15 @@ SCALE = "kt"
 
 def scaled(fit: Regression, rough: Model) -> tuple[Regression, tuple[Estimate, ...]]:
     """The fit with the scale of the torques held, and that as an estimate that is not identified; the fit as it is of
-    other models, and where the file holds the scale.
+    other models, and where the file holds kt, the inertia or another torque, which tells the scale.
 
     It is held at the value of the model file, if a fit with it explains the motion as well, as it does where viscous
     friction makes up for the back EMF; else at the value that the fit has, beside which no viscous friction would be
     distinguished.
     """
     if not isinstance(fit.data, OutputError) or fit.model.base != "servo" or SCALE not in fit.unknowns.names:
+        return fit, ()
+    if any(p.fixed and p.value for name, p in fit.model.parameters.items() if name != SCALE and _is_torque(p)):
         return fit, ()
     given = rough.parameters[SCALE].value
     found = _held_at(given, fit)
@@ -39,11 +41,16 @@ def scaled(fit: Regression, rough: Model) -> tuple[Regression, tuple[Estimate, .
     return found, (Estimate(SCALE, given, given, given, fit.model.parameters[SCALE].unit, identified=False),)
 
 
+def _is_torque(parameter: Parameter) -> bool:
+    """Whether a parameter is a torque, also one per speed or acceleration."""
+    return parameter.unit.startswith(("N m", "kg"))
+
+
 def _held_at(scale: float, fit: Regression) -> Regression | None:
     """The fit with the scale held at a value, from where its torques and its inertia are in proportion; None where it
     cannot be simulated."""
     known, ratio = fit.model.parameters, scale / fit.model.parameters[SCALE].value
-    torques = [name for name in fit.unknowns.names if known[name].unit.startswith(("N m", "kg"))]
+    torques = [name for name in fit.unknowns.names if _is_torque(known[name])]
     moved = fit.model.replace({name: known[name].clipped(ratio * known[name].value) for name in torques})
     model = held(moved.replace({SCALE: scale}), [SCALE])
     try:

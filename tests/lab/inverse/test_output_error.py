@@ -28,7 +28,7 @@ from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.model import build_model
+from lostmotion.model import Parameter, build_model
 
 SUPPLY, GAIN, ERROR_GAIN = 11.0, 14.0, 0.165
 INERTIA, TORQUE_CONSTANT, WINDING = 0.03, 1.5, 4.4
@@ -238,6 +238,16 @@ def test_torques_of_a_servo_are_relative_to_its_motor_constant(scale: float) -> 
     (kt,) = bare.held
     friction = next(one for one in bare.estimates if one.name == "coulomb_friction.tau_c")
     assert friction.value / kt.value == pytest.approx(COULOMB / TORQUE_CONSTANT, rel=0.1)
+
+
+def test_a_known_inertia_tells_the_motor_constant_of_a_servo() -> None:
+    """With the inertia held by the file, kt is estimated, and nothing is held but by the file."""
+    recorded = experiments(build_model("servo"), [servo(1, length=3.0)])
+    values = {"kt": 1.2, "kp": GAIN, "U": SUPPLY, "J": Parameter(INERTIA, "kg m^2", fixed=True)}
+    model = build_model("servo", ["viscous_friction", "coulomb_friction"], values)
+    fit = fitted(model, recorded, Method.MOTION, {"position": NOISE_RAD})
+    assert fit.held == ()
+    assert fit["kt"].value == pytest.approx(TORQUE_CONSTANT, rel=0.1)
 
 
 @pytest.mark.slow
