@@ -18,7 +18,7 @@
 
 Steps 3 to 5 are ``lab.selection``, one search and one test for all.  It asks a likelihood for fits and predictions:
 ``lab.inverse`` for motions that can be predicted, ``lab.gears`` for those that cannot.  The thresholds are in
-``lab.policy``, the reasons in docs/decisions/0009-lab-selection.md.
+``lab.policy``, the reasons in docs/decisions/0009-lab-selection.md and 0014-lab-rules.md.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ noise in any case (seeds 310 and 1210 of ``bench.hidden_effects``).  Relative to
 the second of two effects, nine times the noise would count as near: that lost two pairs of seed 1444."""
 FAR_GAIN = 0.64
 """Share of the squared error that an effect of gears has to take where the error stays far above the noise: a wrong
-effect can imitate a missing one a little.  Effects that are there took 0.67 to 0.86 (docs/decisions/0009); viscous
+effect can imitate a missing one a little.  Effects that are there took 0.67 to 0.86 (docs/decisions/0014); viscous
 friction in the place of one with the cube of the speed took 0.25 (p = 0.002), Coulomb friction on a bar with
 hysteresis 0.08."""
 UNLIKE_NOISE = 2.0
@@ -177,7 +177,7 @@ that are free from the first sample at most 1.2."""
 BEHIND = 1.8
 """Times the error of the best on segments of one length, above which another effect, or the model without one, is
 not fitted on longer ones, and the effect is needed.  The errors of true effects were at most 1.2 times that of the
-best one (docs/decisions/0009)."""
+best one (docs/decisions/0014).  Of simulated motions the same holds for fits whose errors hardly fall any more."""
 
 
 def is_less(error: float, other: float) -> bool:

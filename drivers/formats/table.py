@@ -280,9 +280,10 @@ def _ascends(column: Array, may_repeat: bool = False, may_begin_anew: bool = Fal
 
 
 def _unevenness(column: Array) -> float:
-    """The standard deviation of the steps of a column, as a share of their mean."""
+    """The standard deviation of the steps of a column upwards, as a share of their mean."""
     steps = np.diff(np.asarray(column, dtype=np.float64))
-    return float(np.std(steps) / np.mean(steps))
+    steps = steps[steps > 0]
+    return float(np.std(steps) / np.mean(steps)) if steps.size else np.inf
 
 
 def _in_order(times: FloatArray) -> tuple[slice, list[str]]:

@@ -77,7 +77,7 @@ def finding(
     first = (maps[0].explained if maps else 0.0), (rubbing[0].explained if rubbing else 0.0)
     if max(first) < policy.FOLLOWS_STATE:
         return Finding(acts_on, (), f"{size}; it follows no single state")
-    rubs = policy.FOLLOWS_ALSO * first[1] > first[0]
+    rubs = policy.FOLLOWS_ALSO * first[1] > first[0] or first[0] < policy.FOLLOWS_STATE
     best = rubbing[0] if rubs else maps[0]
     least = max(policy.FOLLOWS_STATE, policy.FOLLOWS_ALSO * best.explained)
     also = (speed,) if rubs else tuple(one.variable for one in maps[1:] if one.explained > least)

@@ -152,7 +152,8 @@ def fitted_with(
 
     wide: the effect, and the model with it; now: the fit of the present model; begun: fits to the acceleration, by
     effect; rough: the model of the file.  None where no fit is possible or the estimates contradict the definition of
-    the effect.
+    the effect.  A present fit that leaves no more than the noise of an angle or a place is nearly linear in what is
+    missing: only the initial guesses are used there.
     """
     name, model = wide
     if not isinstance(now.data, OutputError):
@@ -303,7 +304,8 @@ def refined(fit: Regression) -> Regression:
 
 
 def settled(fit: Regression) -> Regression:
-    """Continues a fit that was ended after a few steps by as many, as long as these lower its error.  Beside the weight
+    """Continues a fit that was ended after a few steps by as many, as long as these take ``policy.LEAST_GAIN`` of its
+    squared error.  Beside the weight
     of an arm that a servo lifts Coulomb friction leaves half as much as load-dependent friction after seven steps, and
     eleven times as much after 21."""
     before = math.inf

@@ -94,12 +94,12 @@ def is_sized(effect: str, fit: Regression) -> bool:
 
 
 def _departs(effect: str, fit: Regression) -> bool:
-    """Whether the confidence intervals of what a law has beyond its simpler part exclude zero: the differences of the
-    parameters that are one in the simpler law.  A motor that starts from rest seven times had Stribeck friction of
-    130 V near rest, and of 25 V in motion, where the difference had a standard deviation of 59 V."""
+    """Whether a confidence interval of what a law has beyond its simpler part excludes zero: of a difference of two
+    parameters that are the same one in the simpler law.  A motor that starts from rest seven times had Stribeck
+    friction of 130 V near rest, and of 25 V in motion, where the difference had a standard deviation of 59 V."""
     part, names = get_effect(effect).simpler, list(fit.unknowns.names)
     grown = [[f"{effect}.{name}" for name in pair] for pair in (part.grown.values() if part else ())]
-    pairs = [pair for pair in grown if len(pair) > 1 and {*pair} <= {*names}]
+    pairs = [pair for pair in grown if len(pair) == 2 and {*pair} <= {*names}]
     if not pairs:
         return True
     width, covariance = -float(stdtrit(fit.freedom, (1 - policy.CONFIDENCE) / 2)), fit.covariance()

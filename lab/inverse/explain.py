@@ -137,7 +137,7 @@ def _explanation(
     pool: Executor,
 ) -> Explanation:  # fmt: skip
     """The result of a search, with errors on the unseen recording."""
-    fits, known = zip(*(scaled(one.surest, model) for one in selection.fits), strict=True)
+    fits, known = _scaled(selection, model)
     base, best, column = fits[0], fits[-1], fits[-1].data.column
     power = shares(best.model, selection.added, best.data.signals) if _has_powers(best) else None
     errors = [error_on(fit, unseen) for fit in fits]
@@ -163,14 +163,23 @@ def _explanation(
         residual=None if complete else described(selection.fits[-1].ordinary),
         advice=advice(selection, train, noise, pool),
         detectable=_detectable(selection.steps[-1]) if complete and not share else {},
-        base=_fit(base, model, floors, unseen),
-        best=_fit(best, model, floors, unseen),
+        base=_fit(base, model, floors | {column: noise_rms}, unseen),
+        best=_fit(best, model, floors | {column: noise_rms}, unseen),
         rungs=ladder(selection, errors, error.noise, error.unit),
         complete=complete,
         columns={column: error},
         untried=selection.untried,
-        held=known[-1],
+        held=known,
     )
+
+
+def _scaled(selection: Selection[Fitted], model: Model) -> tuple[list[Regression], tuple[Estimate, ...]]:
+    """The fits of a search to report, with the scale that they do not identify held at one value for all of them, where
+    they can have it, and that scale."""
+    *before, last = (one.surest for one in selection.fits)
+    last, known = scaled(last, model)
+    rough = model.replace({one.name: one.value for one in known})
+    return [*(scaled(one, rough)[0] for one in before), last], known
 
 
 def _has_powers(fit: Regression) -> bool:

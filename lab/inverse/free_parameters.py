@@ -32,7 +32,7 @@ LEAST_SCALE = 0.01
 """Share of the largest torque, or of a radian: the least scale of a parameter that may be zero."""
 LARGEST_BIAS = 2.0
 """Largest constant torque, as a share of the largest torque.  Without this bound a constant torque and a ripple 2000
-times as large as the torque followed the motion of a flexible arm (docs/decisions/0009)."""
+times as large as the torque followed the motion of a flexible arm."""
 
 
 @dataclass(eq=False)

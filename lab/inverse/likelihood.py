@@ -164,8 +164,9 @@ class WholeMotion:
         return begun, {name: now.rms * fit.rms / present.rms for name, fit in begun.items()} if is_known else {}
 
     def _finished(self, fits: list[tuple[str, Regression]], now: Fitted) -> list[tuple[str, Regression]]:
-        """The fits of a few steps, best first.  Those that take enough of the error for a name already are continued
-        until their errors hardly fall, and those that are not behind the best of these then, to the end."""
+        """The fits of a few steps, about in the order of their errors.  Those that take enough of the error for a name
+        already are continued until their errors hardly fall, and those that are not behind the best of these then, to
+        the end."""
         fits = sorted(fits, key=lambda one: one[1].rms)
         many = min(sum(policy.is_less(fit.rms, now.rms) for _, fit in fits), policy.FINISHED)
         begun = sorted(self._continued(settled, fits[:many]), key=lambda one: one[1].rms)

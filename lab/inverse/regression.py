@@ -177,8 +177,8 @@ class Regression:
 
     def _jackknifed(self, blocks: NDArray[np.intp], given: Sequence[str]) -> FloatArray:
         """The covariance CR3 of z (P, P) for these blocks (M,); see ``interval``.  The variance of a parameter that is
-        part of a combination which is not identified is infinite: the pseudo-inverse, in which it is zero, gave the
-        torques of a servo an interval of a thousandth, forty times too far from what they are."""
+        part of a combination which is not identified is infinite: the pseudo-inverse, in which it is zero, gave Coulomb
+        friction of 0.578 N m of a servo an interval of 13.505 to 13.520 mN m."""
         jacobian, size = self._scaled_jacobian(given, self.data.estimated_before)
         values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
         known = values > UNIDENTIFIED * values.max(initial=0.0)
@@ -192,7 +192,7 @@ class Regression:
             spread += np.outer(change, change)
         whole = (many - 1) / many * (root @ spread @ root.T) / np.outer(size, size)
         own = np.isin(self.unknowns.names, given, invert=True)
-        unknown = np.sum(vectors[: self.count, ~known] ** 2, axis=1) > UNIDENTIFIED
+        unknown = np.sum(vectors[: self.count, ~known] ** 2, axis=1) > math.sqrt(UNIDENTIFIED)
         at = np.flatnonzero(unknown & own)
         whole[at, at] = math.inf
         return np.asarray(whole[: self.count, : self.count])

@@ -1,4 +1,4 @@
-"""The scale of a servo's torques, which a motion without a recorded current does not identify.
+"""The scale of a servo's torques, which its motion does not identify.
 
 J theta'' = kt (U duty - kt omega)/R - b omega - ...: with kt, J and all torques multiplied by one number, and b changed
 by what the back EMF then lacks, the motion is the same, also where the duty is at its cap.  So a fit identifies ratios
@@ -24,9 +24,9 @@ def scaled(fit: Regression, rough: Model) -> tuple[Regression, tuple[Estimate, .
     """The fit with the scale of the torques held, and that as an estimate that is not identified; the fit as it is of
     other models, and where the file holds kt, the inertia or another torque, which tells the scale.
 
-    It is held at the value of the model file, if a fit with it explains the motion as well, as it does where viscous
-    friction makes up for the back EMF; else at the value that the fit has, beside which no viscous friction would be
-    distinguished.
+    It is held at the value of the model file, if a fit with it leaves as much, within ``policy.LEAST_GAIN`` of the
+    squared error, as it does where viscous friction makes up for the back EMF; else at the value that the fit has,
+    beside which no viscous friction would be distinguished.  The candidates of a search are not asked.
     """
     if not isinstance(fit.data, OutputError) or fit.model.base != "servo" or SCALE not in fit.unknowns.names:
         return fit, ()

@@ -250,11 +250,11 @@ def _limited(limit: InputLimit, error: Errors) -> str:
 
 def _held(one: Estimate) -> str:
     """A sentence on a parameter whose value no recording determines."""
-    column = "current" if one.unit == "N m/A" else "input"
-    return (
-        f"Only ratios to {one.name} are identifiable: {one.name} stays at {quantity(one.value, one.unit)}; "
-        f"give it in the model file, or record the {column}."
+    of_motor = one.unit == "N m/A"
+    known = (
+        "give it, or the inertia, with fixed = true" if of_motor else "give it in the model file, or record the input"
     )
+    return f"Only ratios to {one.name} are identifiable: {one.name} stays at {quantity(one.value, one.unit)}; {known}."
 
 
 def _against(error: Errors) -> str:

@@ -37,17 +37,14 @@ def eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F])
 
     while added and not is_over():
         lacking = {effect: refitted(reduced(now.model, effect, first)) for effect in added if not is_over()}
-        if not (least := _least_needed(lacking, added, first, now, likelihood)) or is_over():
+        least = _least_needed(lacking, added, first, now, likelihood)
+        part = None if least or is_over() else _simpler(now, added, first, likelihood, refitted)
+        if is_over() or not (least or part):
             break  # fits that were cut short decide nothing
-        now, added, lacking = lacking[least], [name for name in added if name != least], {}
-    for effect in [] if is_over() else [*added]:
-        simple = simplified(now.model, effect, first)
-        if not simple or is_over():
-            continue
-        part = refitted(simple)
-        if (_is_enough(part, now, likelihood) or not likelihood.is_sized(effect, now)) and not is_over():
-            now, added = part, relabelled(added, first.effects, part.model.effects)
-            lacking.pop(effect, None)
+        if part:
+            now, added, lacking = part, relabelled(added, first.effects, part.model.effects), {}
+        else:
+            now, added, lacking = lacking[least], [name for name in added if name != least], {}
     if is_over():
         now, added = _without_last(now, added, first, own, likelihood)
     path = _path(found.fits, now, added, refitted)
@@ -85,6 +82,24 @@ def _least_needed(
     superfluous = superfluous or [effect for effect in whole if not likelihood.is_sized(effect, now)]
     errors = {effect: likelihood.predictions(apt[effect], now, of_all=True).usual for effect in superfluous}
     return min(errors, key=lambda effect: errors[effect], default="")
+
+
+def _simpler(
+    now: F, added: Sequence[str], first: Model, likelihood: Likelihood[F], refitted: Callable[[Model], F]
+) -> F | None:
+    """The fit with the simpler part of one of the added laws, where that is enough, or where the data do not identify
+    what the law has beyond it; None where there is no such law."""
+    for effect in added:
+        simple = simplified(now.model, effect, first)
+        if not simple or is_over():
+            continue
+        part = refitted(simple)
+        if not are_consistent(part.model, relabelled(added, first.effects, part.model.effects)):
+            continue
+        is_near = part.rms <= policy.BEHIND * now.rms
+        if _is_enough(part, now, likelihood) or (is_near and not likelihood.is_sized(effect, now)):
+            return part
+    return None
 
 
 def _alike(fits: Iterable[F], model: Model) -> list[F]:

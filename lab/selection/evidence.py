@@ -89,8 +89,8 @@ class Predictions:
     @property
     def usual(self) -> float:
         """The geometric mean over blocks of the squared error of the first fit, each with the weight of its samples.
-        Those of the last recording are long where a wrong effect is left there: a delay left 3.6° of it instead of
-        0.025 for the lag of an actuator, in 12 of 726 blocks."""
+        Where a wrong effect is left in the last recording, its blocks are long: a delay left 3.6° of it, and the lag of
+        an actuator 0.025°, in 12 of 726 blocks."""
         counts = np.bincount(self.block)
         squares = floored(self.before, self.after, self.block) / counts
         return math.exp(float(np.average(np.log(squares), weights=counts)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lostmotion.lab.comparison.bands import spectra
 from lostmotion.lab.data.autoregression import NoiseModel, fit_autoregression
 from lostmotion.lab.data.whiteness import autocorrelation, cross_correlation, fit_percent
-from lostmotion.lab.discrepancy.residual_maps import residual_maps
+from lostmotion.lab.discrepancy.residual_maps import ResidualMap, finding, residual_maps
 
 FloatArray = NDArray[np.float64]
 RATE_HZ = 800.0
@@ -117,3 +117,25 @@ def test_what_explains_half_of_a_residual_comes_first() -> None:
     assert second.explained < 0.05
     inside = np.abs(first.mean - np.tanh(3 * first.x)) < np.maximum(2 * first.half_width, 0.3)
     assert np.mean(inside) > 0.8
+
+
+def explaining(variable: str, share: float) -> ResidualMap:
+    """A map that explains this share of the squared residual."""
+    ends = np.array([-1.0, 1.0])
+    return ResidualMap(variable, ends, ends, ends * 0.1, share, 0.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("plain", "rubs", "depends_on"),
+    [
+        (0.22, 0.27, ("theta_2", "omega_2")),
+        (0.5, 0.55, ("torque",)),
+        (0.3, 0.5, ("theta_2", "omega_2")),
+        (0.2, 0.2, ()),
+    ],
+)
+def test_a_friction_is_described_where_it_explains_more(plain: float, rubs: float, depends_on: tuple[str, ...]) -> None:
+    """A dry friction that depends on the angle is taken where it explains clearly more than a state, or where that
+    explains too little to be named; nothing that explains less than a quarter is named."""
+    found = finding("joint", "a torque", "N m", [explaining("torque", plain)], [explaining("theta_2", rubs)], "omega_2")
+    assert found.depends_on == depends_on
