@@ -53,8 +53,8 @@ def crossings(values: FloatArray) -> int:
 def drift_of(times: FloatArray, position: FloatArray, speed: FloatArray) -> float:
     """The error of the speed (N,) of what swings freely, which adds up in its position (N,), the integral: how fast the
     middle of its swings moves on, as a weight or a spring pulls it to one place.  0.0 where it does not move on alike
-    in either half, as where a hand lifts a pendulum first, where it hardly swings, or where it moves on faster than it
-    swings, as a wheel that turns with a ripple.
+    in either half, where it hardly swings, or where it moves on faster than it swings, as a wheel that turns with a
+    ripple.
 
     The middle of three successive ends, the second counted twice, is that of a swing whose amplitude decays evenly.  By
     the mean speed in smooth windows six periods were needed; with 3.2 of a wheel the error is 2 % off."""

@@ -305,9 +305,8 @@ def refined(fit: Regression) -> Regression:
 
 def settled(fit: Regression) -> Regression:
     """Continues a fit that was ended after a few steps by as many, as long as these take ``policy.LEAST_GAIN`` of its
-    squared error.  Beside the weight
-    of an arm that a servo lifts Coulomb friction leaves half as much as load-dependent friction after seven steps, and
-    eleven times as much after 21."""
+    squared error.  Beside the weight of an arm that a servo lifts Coulomb friction leaves half as much as
+    load-dependent friction after seven steps, and eleven times as much after 21."""
     before = math.inf
     while policy.is_less(fit.rms, before) and not is_over():
         before, fit = fit.rms, tried(fit.model, [fit.data], fit.nuisance, SHORT) or fit

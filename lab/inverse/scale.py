@@ -32,13 +32,12 @@ def scaled(fit: Regression, rough: Model) -> tuple[Regression, tuple[Estimate, .
         return fit, ()
     if any(p.fixed and p.value for name, p in fit.model.parameters.items() if name != SCALE and _is_torque(p)):
         return fit, ()
-    given = rough.parameters[SCALE].value
-    found = _held_at(given, fit)
-    if found is None or policy.is_less(fit.rms, found.rms):
-        given, found = fit.model.parameters[SCALE].value, _held_at(fit.model.parameters[SCALE].value, fit)
-    if found is None:
-        return fit, ()
-    return found, (Estimate(SCALE, given, given, given, fit.model.parameters[SCALE].unit, identified=False),)
+    own = fit.model.parameters[SCALE]
+    for value in (rough.parameters[SCALE].value, own.value):
+        found = _held_at(value, fit)
+        if found and not policy.is_less(fit.rms, found.rms):
+            return found, (Estimate(SCALE, value, value, value, own.unit, identified=False),)
+    return fit, ()
 
 
 def _is_torque(parameter: Parameter) -> bool:

@@ -72,9 +72,9 @@ class Signals:
     """The filtered signals of a recording, each (N,) at evenly spaced times.
 
     time [s], position [rad or m], velocity, acceleration, torque [N m or N]; band_hz: the end of the band;
-    position_density: power density of the noise of the position, its median over the frequencies above the band
-    [rad²/Hz]; torque_noise: root mean square of the noise
-    of the torque within the band [N m]; column: the measured one.
+    position_density: power density of the noise of the position, its median over the upper quarter of frequencies
+    [rad²/Hz]; torque_noise: root mean square of the noise of the torque within the band [N m]; column: the measured
+    one.
     """
 
     experiment: Experiment
