@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from lostmotion.lab import policy, words
-from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.fitting.identifiability import coasts, with_scale
@@ -30,6 +30,7 @@ from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression, can_run
+from lostmotion.lab.inverse.saturation import with_saturation
 from lostmotion.lab.inverse.scale import scaled
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.inverse.torques import can_invert, noise_floor
@@ -65,7 +66,7 @@ def explained(
     of each column; budget_s: time of the search [s].  Raises ModelError where the model cannot be run.
     """
     progress("fitting what is there", 0.0)
-    model, held = with_scale(model, train)
+    model, held = with_scale(with_saturation(model, [*train, last]), train)
     rough = from_spectra(model, train)
     with within(budget_s):
         with within(policy.STAGE_SHARE * budget_s):
@@ -205,7 +206,7 @@ def _floors(noise: dict[str, float], fit: Regression, *unseen: Signals) -> dict[
 def fitted(model: Model, experiments: Sequence[Experiment], method: Method, noise: dict[str, float]) -> Fit:
     """Fits the free parameters of the model to all of these experiments; noise: root mean square of the noise of each
     column.  Raises ModelError where the model cannot be run."""
-    model, held = with_scale(model, experiments)
+    model, held = with_scale(with_saturation(model, experiments), experiments)
     channel = Channel.of(experiments) if method is Method.TORQUE else Channel()
     channel.warn(experiments[0].name)
     signals = [channel.signals(one, model.base != "servo") for one in experiments]
@@ -298,10 +299,7 @@ def _shown(fit: Regression, remark: str = "") -> list[tuple[Experiment, FloatArr
         return [(_renamed(one, remark), None) for one in fit.data.signals]
     assert isinstance(fit.data, OutputError)
     zeros, starts = fit.data.zeros(fit.model, fit.nuisance), fit.data.starts(fit.nuisance)
-    shown = [
-        _renamed(one if one.column == ACCEL else one.shifted(-zero), remark)
-        for one, zero in zip(fit.data.signals, zeros, strict=True)
-    ]
+    shown = [_renamed(one.shifted(-zero), remark) for one, zero in zip(fit.data.signals, zeros, strict=True)]
     return [
         (one, initial_state(one.model(fit.model), one, start, fit.data.free))
         for one, start in zip(shown, starts, strict=True)

@@ -227,9 +227,11 @@ class Signals:
         return bool(position[~np.isnan(position)][0] == 0.0)
 
     def shifted(self, zero: float) -> Signals:
-        """The signals with a zero angle [rad] added to the measured and the filtered position."""
+        """The signals with a zero [rad, m or m/s²] added to the readings and, of an angle or a place, to the filtered
+        position."""
         measured = {**self.experiment.measured, self.column: self.experiment.measured[self.column] + zero}
-        return replace(self, experiment=replace(self.experiment, measured=measured), position=self.position + zero)
+        position = self.position if self.column == "accel" else self.position + zero
+        return replace(self, experiment=replace(self.experiment, measured=measured), position=position)
 
     @property
     def position_noise(self) -> float:

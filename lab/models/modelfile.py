@@ -178,7 +178,8 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter], is_j
         of_line = of_axis(default.unit, is_linear=True) if is_joint else default.unit
         unit = default.unit if read.unit is None or read.unit == of_line else read.unit
         default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
-        parameter = Parameter(default.value if read.value is None else read.value, unit, read.low, read.high, fixed)
+        value = default.value if read.value is None else read.value
+        parameter = Parameter(value, unit, read.low, read.high, fixed, source="model file")
         default.updated(parameter)
     except ModelError as error:
         raise ModelError(f"{name}: {error}") from error

@@ -49,6 +49,7 @@ NUMERICS = {
     "inverse/problem.py": (4, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
     "inverse/free_parameters.py": (4, "a finite difference, scales, a weak prior, a bound"),
     "inverse/regression.py": (7, "a minimiser; rank of a matrix, leverage of a block; samples and step of a trial run"),
+    "inverse/saturation.py": (2, "delays that are tried, and how far away a limit is that should not act"),
     "inverse/channel.py": (5, "grids of bands and delays, and blocks; what a motor that is switched tells"),
     "inverse/release.py": (10, "local polynomials, what is no error, parts of a period, the top of a speed, modes"),
     "inverse/signals.py": (12, "filters and splines"),
