@@ -74,6 +74,7 @@ class Channel:
         _check_sign(whole)
         widest = max(one.band_hz for one in whole)
         found = [cls._of_band(experiments, share * widest) for share in SHARES]
+        found = [(one, fit) for one, fit in found if not _is_slow(fit, found)]
         clear = [
             (one, fit.relative_deviation if fit else math.inf) for one, fit in found if not _is_blurred(fit, found)
         ]
@@ -181,7 +182,7 @@ class _JointFit:
     inertia [kg m²]; lost: mean power of viscous and Coulomb friction and of the constant [W]; deviation,
     lost_deviation: their standard deviations, robust to correlation of the residual within blocks (cluster-robust:
     Liang and Zeger 1986); residual: (M,) [N m]; rubs: whether friction has more of the torque than the inertia;
-    power: variance of the torque within the band.
+    power: variance of the torque within the band; motion: power of the speed there, also at rest [rad²/s²].
     """
 
     inertia: float
@@ -191,6 +192,7 @@ class _JointFit:
     residual: FloatArray
     rubs: bool
     power: float
+    motion: float
 
     @property
     def is_reversed(self) -> bool:
@@ -218,6 +220,13 @@ def _is_blurred(fit: _JointFit | None, found: Sequence[tuple[Channel, _JointFit 
     noise of the angle does not show this where the angle is the integral of a noisy speed."""
     surely = max((one.inertia - policy.BAND_AS_WELL * one.deviation for _, one in found if one), default=0.0)
     return fit is not None and surely > 0 and fit.inertia < surely / 2
+
+
+def _is_slow(fit: _JointFit | None, found: Sequence[tuple[Channel, _JointFit | None]]) -> bool:
+    """Whether the band of a fit lacks a part of the motion (``policy.BAND_MOTION``), or has too few samples for a fit
+    while others have enough."""
+    most = max((one.motion for _, one in found if one), default=0.0)
+    return (fit.motion if fit else 0.0) < policy.BAND_MOTION * most
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +269,8 @@ class _UsualJoint:
         inertia, lost = (wanted @ found).tolist()
         rubs = bool(np.linalg.norm(self.regressors[:, 1:3] @ found[1:3]) > abs(found[0]))
         deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()
-        return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs, float(torque.var()))
+        motion = sum(float(np.mean(one.smooth(one.velocity) ** 2)) for one in self.signals)
+        return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs, float(torque.var()), motion)
 
     @property
     def torque_hz(self) -> float:

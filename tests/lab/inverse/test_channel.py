@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -19,6 +20,7 @@ from lostmotion.lab.inverse import channel
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
+from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Explanation
 from lostmotion.model import Sampled, build_model
 from lostmotion.model.motion import FloatArray
@@ -257,3 +259,27 @@ def test_constant_voltages_of_several_sizes_are_no_single_supply() -> None:
     assert set(answer.missing) == {"viscous_friction", "coulomb_friction"}
     assert answer.best["viscous_friction.b_v"].value == pytest.approx(B, rel=0.05)
     assert answer.best["coulomb_friction.tau_c"].value == pytest.approx(0.2, rel=0.1)
+
+
+def flexible(seed: int) -> Experiment:
+    """A motor that turns a flexible ruler, clamped to it, swept from 0.5 to 10 Hz by a voltage of 200 units; the ruler
+    rings at 2.5 Hz, so that the inertia depends on the frequency."""
+    times, sweep = np.arange(0.0, 8.0, 2e-3), (10.0 - 0.5) / 16.0
+
+    def volts(t: float) -> float:
+        return 200 * math.sin(2 * math.pi * (0.5 + sweep * t) * t + seed)
+
+    def slope(t: float, x: FloatArray) -> list[float]:
+        held = 2 * (math.tau * 2.5) ** 2 * (x[0] - x[2]) + 0.3 * (x[1] - x[3])
+        return [x[1], (volts(t) - 18 * x[1] - held) / 0.4, x[3], held / 2]
+
+    solved = solve_ivp(slope, (0.0, 8.0), [0.0] * 4, "LSODA", times, rtol=1e-8, atol=1e-10)
+    position = solved.y[0] + 1e-3 * np.random.default_rng(seed).standard_normal(times.size)
+    return Experiment(f"ruler{seed}.csv", Sampled(times, np.array([*map(volts, times)])), times, {"position": position})
+
+
+def test_a_band_has_most_of_the_motion() -> None:
+    """Whatever an inertia below its first frequencies is, the swept motion is compared."""
+    recorded = [flexible(seed) for seed in (1, 2)]
+    widest = max(Signals.of(one).band_hz for one in recorded)
+    assert Channel.of(recorded).band_hz > widest / 2
