@@ -234,3 +234,18 @@ def test_the_offset_of_readings_that_are_cut_off(size: float) -> None:
     found = offset_of(np.clip(motion + 9.81, -19.6, 19.6), size * motion, 19.6)
     assert np.isfinite(found)
     assert size > 1 or found == pytest.approx(9.81)
+
+
+def test_a_mode_above_half_of_the_sampling_rate_is_not_fitted() -> None:
+    """A bar that rings at 7.84 Hz, read 66 times a second: the default mode at 58 Hz has an alias there."""
+    times = np.arange(0.0, 4.0, 1 / 65.84)
+    default = build_model("oscillator")
+    stiffness, mass = (default.parameters[name].value for name in ("k", "m"))
+    assert math.sqrt(stiffness / mass) / (2 * math.pi) == pytest.approx(65.84 - 7.84, abs=0.05)
+    felt = np.exp(-0.43 * times) * np.cos(2 * math.pi * 7.84 * times) + 0.45
+    recording = Recording(times, {"accel": felt + 1e-3 * np.random.default_rng(1).standard_normal(times.size)})
+    with open_executor() as pool:
+        found = fit(default, experiments(default, [recording]), pool)
+    assert found["k"].value == pytest.approx(mass * (2 * math.pi * 7.84) ** 2, rel=1e-3)
+    (shown,) = found.experiments
+    assert abs(float(np.nanmean(shown.measured["accel"]))) < 0.02  # without what the sensor reads at rest
