@@ -120,11 +120,16 @@ class Selection(Generic[F]):
     """The effects that were not tried beside the added ones, as the time was up."""
     lacking: Mapping[str, F] = field(default_factory=dict)
     """By added effect, the fit with all others, where the elimination made one."""
+    distinct: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """By added effect, those that explained as much in its step, and predict worse in its place in the last fit."""
 
     @property
     def confusable(self) -> tuple[tuple[str, ...], ...]:
         """Each added effect with those that explained as much and were not added: two effects that are both needed are
-        not confusable."""
-        tried = [step for step in self.steps if step.judged]
-        groups = [(one.judged[0].effect, *(e for e in one.confusable if e not in self.added)) for one in tried]
+        not confusable, nor are those that the effects beside them distinguish."""
+        tried = [(step.judged[0].effect, step.confusable) for step in self.steps if step.judged]
+        groups = [
+            (name, *(one for one in alike if one not in (*self.added, *self.distinct.get(name, ()))))
+            for name, alike in tried
+        ]
         return tuple(group for group in groups if len(group) > 1 and group[0] in self.added)

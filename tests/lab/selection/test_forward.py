@@ -79,8 +79,8 @@ class Columns:
     def proposals(
         self, now: Regressed, added: tuple[str, ...], only: Sequence[str] = ()
     ) -> Iterator[Proposals[Regressed]]:
-        """All columns that are left."""
-        may = [name for name in others(now.model) if name in self.columns]
+        """All columns that are left, or those that are asked for."""
+        may = [name for name in others(now.model) if name in (only or self.columns)]
         yield Proposals([(name, self.fit([*now.model.effects, name])) for name in may])
 
     def accepted(self, fit: Regressed, now: Regressed, *, is_first: bool = False) -> Regressed:
@@ -220,6 +220,17 @@ def test_what_explains_as_much_is_confusable() -> None:
     search = found({FIRST: 2.0}, columns)
     assert len(search.added) == 1
     assert [set(group) for group in search.confusable] == [{FIRST, SECOND}]
+
+
+def test_what_later_effects_distinguish_is_not_confusable() -> None:
+    """Of two columns one leaves a fifth more than the noise: as long as a third one is missing, neither is better, and
+    beside it one is."""
+    columns = independent()
+    columns[SECOND] = columns[FIRST] + 0.22 * columns[SECOND]
+    search = found({FIRST: 2.0, THIRD: 1.9}, columns, seed=1)
+    assert set(search.added) == {FIRST, THIRD}
+    assert SECOND in {name for step in search.steps for name in step.confusable}
+    assert search.confusable == ()
 
 
 def test_what_helps_only_together_is_found_as_a_pair() -> None:
