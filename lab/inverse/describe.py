@@ -32,7 +32,7 @@ def described(fit: Regression) -> Finding:
             for one, load in zip(data.shifted(fit.nuisance), data.transmitted, strict=True)
         ]
         what, unit = words.column(data.column, *data.axis)
-        text = f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is missing"
+        text = f"a {what} on the joint of about {quantity(fit.error, unit, 2)} is left in what was fitted"
     else:
         times = [one.experiment.time[~np.isnan(one.experiment.measured[one.column])] for one in data.signals]
         variables = [_states(one, names, time) for one, time in zip(data.signals, times, strict=True)]

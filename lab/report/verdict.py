@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lostmotion.lab import words
+from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
 from lostmotion.lab.quantity import number, quantities, quantity, with_unit
@@ -52,8 +52,9 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     error, found = explanation.error, explanation.residual
     sentences = [_named(effect, explanation) for effect in explanation.missing]
     if explanation.verdict == "nothing_missing":
+        apart = ", apart from a few samples" if error.after > policy.STRUCTURED * error.noise else ""
         sentences.append(
-            f"Nothing is missing: the model explains these recordings down to the noise: {_against(error)}."
+            f"Nothing is missing: the model explains these recordings down to the noise{apart}: {_against(error)}."
         )
     else:
         noise = "noise" if explanation.input_limit else "sensor's noise"
@@ -66,8 +67,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         )
         sentences += of_finding(found) if found else ()
     if explanation.missing and not explanation.complete and found:
-        beyond = "" if explanation.untried else " that no effect of the catalogue explains"
-        sentences.append(f"Something more is missing{beyond}.")
+        sentences.append(_left(error, is_tried=not explanation.untried))
         sentences += of_finding(found)
     sentences += _unidentified(explanation)
     sentences += _on_unseen_samples(explanation)
@@ -79,6 +79,15 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
         effects = joined([words.name(effect) for effect in explanation.unshown])
         sentences.append(f"The samples kept for judging do not show {effects}: only those of the fit do.")
     return tuple(sentences)
+
+
+def _left(error: Errors, is_tried: bool) -> str:
+    """A sentence on what is left beyond the noise beside the effects that are named, as a share of the squared error
+    before them; is_tried: whether all effects were tried."""
+    share = max(error.after**2 - error.noise**2, 0.0) / error.before**2 if error.before else 1.0
+    figure = "less than 0.1" if share < 0.001 else f"{100 * share:.0f}" if share > 0.1 else f"{100 * share:.2g}"
+    size = f"{figure} % of the squared error" if share < 1 else "more than before"
+    return f"Beyond the noise, {size} is left{', which no effect of the catalogue explains' if is_tried else ''}."
 
 
 def _named(effect: str, explanation: Explanation) -> str:

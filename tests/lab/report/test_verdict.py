@@ -55,6 +55,34 @@ def test_verdict_of_nothing_missing() -> None:
     )
 
 
+def test_few_samples_above_the_noise_are_said() -> None:
+    """Where the error is more than noise, but not that of most samples."""
+    found = report_example.nothing_missing()
+    said = verdict.of_explanation(replace(found, error=replace(found.error, after=2 * found.error.noise)))[0]
+    assert said.endswith("down to the noise, apart from a few samples: 0.80 m/s² against 0.40.")
+
+
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [
+        (0.43, "0.15 % of the squared error is left"),
+        (0.401, "less than 0.1 % of the squared error is left"),
+        (2.0, "23 % of the squared error is left"),
+        (5.0, "more than before is left"),
+    ],
+)
+def test_what_is_left_beside_the_named_effects(after: float, said: str) -> None:
+    """As a share of the squared error before, which was 4.1 m/s² in noise of 0.40."""
+    found = report_example.explanation()
+    error, rest = replace(found.error, after=after), report_example.outside_catalogue().residual
+    explanation = replace(found, error=error, complete=False, residual=rest, untried=())
+    assert f"Beyond the noise, {said}, which no effect of the catalogue explains." in verdict.of_explanation(
+        explanation
+    )
+    explanation = replace(explanation, untried=("actuator_lag",))
+    assert f"Beyond the noise, {said}." in verdict.of_explanation(explanation)
+
+
 def test_verdict_outside_the_catalogue() -> None:
     """It names no effect, says where what is left acts and on what it depends."""
     assert verdict.of_explanation(report_example.outside_catalogue()) == (
