@@ -306,10 +306,11 @@ def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Exper
     near to each other.  A warning reports the other modes.  Readings that are cut off at the end of the range are left
     as they are: their harmonics are no modes."""
     felt = [model.base == "oscillator" and _is_felt_ringing(one) for one in experiments]
-    modes = [_modes(one) for one in compress(experiments, felt)]
-    more = [one for one in modes if len(one) > MODES]
+    more = [found for one in compress(experiments, felt) if len(found := _modes(one)) > MODES]
+    highest = FASTEST * min((one.rate_hz for one in experiments), default=0.0)
     apart = [math.sqrt(second * third) for _, second, third, *_ in more if third > CUTOFF * second]
-    end = min(apart or [CUTOFF * first for first, *_ in more], default=math.inf)
+    two = [end for end in apart if end < highest]
+    end = min(two or [CUTOFF * first for first, *_ in more], default=math.inf)
     return tuple(_below(one, end) if rings else one for one, rings in zip(experiments, felt, strict=True))
 
 

@@ -25,8 +25,6 @@ STATED = ("cap", "error_gain")
 DELAYS_S = (0.0, 0.01, 0.015, 0.022, 0.034, 0.051, 0.076)
 """Delays of the command [s] beside which the two models are compared.  Behind a delay the error of the angle seems
 larger than it is: without delays, four of 22 simulated servos that saturate, or would, seem not to."""
-NARROW = policy.UNSURE_SPEED
-"""Width of dry friction, as a share of the usual speed."""
 MARGIN = 2.0
 """The duty at which the model saturates that should not, over the largest one of the measured motion: the simulated
 motion trails its command by more before effects are found."""
@@ -45,9 +43,10 @@ def with_saturation(model: Model, experiments: Sequence[Experiment]) -> Model:
     with a strong ripple would be, but its best delay is the longest one, so that it has none within the range.  A limit
     that the model file or the recorded voltage states is left as it is.
     """
-    if model.base != "servo" or _is_stated(model, experiments):
+    driven = [one for one in experiments if one.drive is not None]
+    if model.base != "servo" or not driven or _is_stated(model, driven):
         return model
-    signals = [Signals.of(one, is_force=False) for one in experiments]
+    signals = [Signals.of(one, is_force=False) for one in driven]
     most = max(float(np.abs(_duty(model, one)).max()) for one in signals)
     cap = model.parameters["cap"].value
     if most <= cap:
@@ -58,7 +57,7 @@ def with_saturation(model: Model, experiments: Sequence[Experiment]) -> Model:
     is_better = all(_is_less(unlimited[part], limited[part]) for part in (slice(None), beyond))
     if not is_better or delay == DELAYS_S[-1]:
         return model
-    _warn(model, experiments[0])
+    _warn(model, driven[0])
     return model.replace({"cap": MARGIN * most})
 
 
@@ -85,7 +84,7 @@ def _residual(model: Model, signals: Sequence[Signals], delay: float, limit: flo
     for one in signals:
         duty = one.filtered(np.clip(_duty(model, one, delay), -limit, limit))
         angle, speed = one.position[one.kept], one.velocity[one.kept]
-        friction = np.tanh(speed / (NARROW * math.sqrt(np.mean(one.velocity**2)) + 1e-300))
+        friction = np.tanh(speed / (policy.UNSURE_SPEED * math.sqrt(np.mean(one.velocity**2)) + 1e-300))
         laws = (duty, speed, friction, speed * np.abs(speed), np.sin(angle), np.cos(angle), np.ones_like(angle))
         parts.append(np.column_stack(laws))
     A, y = np.concatenate(parts), np.concatenate([one.acceleration[one.kept] for one in signals])

@@ -79,9 +79,12 @@ def test_the_other_modes_are_told(caplog: pytest.LogCaptureFixture) -> None:
     assert band_limited(model, [plain]) == (plain,)
 
 
-@pytest.mark.parametrize(("others", "every"), [((45.0, 120.0), 2), ((45.0, 80.0), 14), ((14.0, 21.0), 1)])
+@pytest.mark.parametrize(
+    ("others", "every"), [((45.0, 120.0), 2), ((45.0, 80.0), 14), ((150.0, 310.0), 14), ((14.0, 21.0), 1)]
+)
 def test_the_band_has_two_modes_if_they_are_apart(others: tuple[float, ...], every: int) -> None:
-    """It ends between the second and the third one, or beside the first where these are near to each other; what a
+    """It ends between the second and the third one, or beside the first where these are near to each other, or too fast
+    for the sampling rate; what a
     clamp that slips adds at two and three times the first is no mode, and another recording has the same band.  every:
     how many readings of 1024 Hz are one then."""
     times, kinds = np.arange(0.0, 6.0, 1 / 1024), [(), others]

@@ -66,6 +66,15 @@ def test_a_limit_that_the_motion_contradicts_is_left_out(
     assert is_limited or found.parameters["cap"].value > error / DEFAULT_RAD
 
 
+def test_recordings_without_a_command_do_not_tell_the_limit() -> None:
+    """Of a servo that is let go nothing is compared."""
+    model = modelfile.loads(BARE, "model.toml").build()
+    recordings = experiments(model, [leg(1, math.inf), leg(2, math.inf)])
+    free = [replace(one, drive=None) for one in recordings]
+    assert with_saturation(model, free) == model
+    assert with_saturation(model, [free[0], recordings[1]]) == with_saturation(model, recordings[1:]) != model
+
+
 @pytest.mark.slow
 def test_what_a_limit_that_is_not_there_hid_is_found(tmp_path: Path) -> None:
     """A leg whose slow motion is fitted stays below the limit of the default model; the fast motion that is kept for
