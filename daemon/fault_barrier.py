@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
+PANIC = "PanicException"
+"""what a library in Rust raises for a defect of its own (Zenoh): no Exception, in a module that cannot be imported"""
 CRASH_PAUSE_S = 5.0
 """after how long a poller that broke down is started again [s]"""
 
@@ -36,11 +38,13 @@ class FaultBarrier:
         """What the function returns; None where it raises an error, which is logged."""
         try:
             return function(*arguments)
-        except Exception as error:  # noqa: BLE001 - a defect, or what a device, a disk or a library raises
+        except BaseException as error:  # a defect, or what a device, a disk or a library raises
+            if not isinstance(error, Exception) and type(error).__name__ != PANIC:
+                raise
             self.report(str(getattr(function, "__qualname__", function)), error)
         return None
 
-    def report(self, stage: str, error: Exception) -> None:
+    def report(self, stage: str, error: BaseException) -> None:
         """Logs an error of a stage, unless it was logged a short time ago."""
         if isinstance(error, sqlite3.Error):  # met in reading; the store handles and logs those of the writer
             text = database.explain(self._path, error)

@@ -56,7 +56,7 @@ class Condition:
         return is_news
 
 
-def place(error: Exception) -> str:
+def place(error: BaseException) -> str:
     """Where an error was raised, and of which kind it is: its words may hold figures that differ each time."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}, {frame.filename}:{frame.lineno}"

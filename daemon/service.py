@@ -104,6 +104,8 @@ class Service:
         self._periods = Periods(CLOCK_S, LOOK_S, COUNTS_S, SUMMARY_S)
         self._watchdog = Watchdog(self._notifier)
         self._notice, self._notice_ends = "", 0.0
+        if self._store.began_anew:
+            self._tell_of_new_history(self._store.began_anew)
         self._taken_up: set[tuple[int, datetime]] = set()
 
     def startup(self) -> None:
@@ -272,10 +274,12 @@ class Service:
 
     def _renew_store(self, damage: Exception, known: Sequence[Change | ScoreRow]) -> None:
         """A new database, with the active alarms and what was not written yet; raises an alarm about it."""
-        self._notice = f"a new history begins: {database.explain(self._store.path, damage)}"
-        self._notice_ends = time.monotonic() + NOTICE_S
+        self._tell_of_new_history(database.explain(self._store.path, damage))
         self._store.begin_anew([row for row in known if not is_over(row)])
         self._store.settled(FINISH_S)
+
+    def _tell_of_new_history(self, why: str) -> None:
+        self._notice, self._notice_ends = f"a new history begins: {why}", time.monotonic() + NOTICE_S
 
     def _open_alarm_manager(self, known: Sequence[Change | ScoreRow] = ()) -> AlarmManager:
         joints = [joint.name for joint in self._config.joints]

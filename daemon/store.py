@@ -73,6 +73,8 @@ class Store:
         self.problem = ""
         self.dropped = 0
         self.damage: Exception | None = None
+        self.began_anew = ""
+        """Why the file that was found was moved aside for a new one, "" for nothing."""
         self._condition, self._wal_condition = Condition(reported=""), Condition(reported="")
         self.configure(robot, keep_windows_mb, keep_scores_days)
         self._rows: deque[Row] = deque()
@@ -261,6 +263,7 @@ class Store:
                 writer.close()
                 raise
             self._writer, self._file = writer, file_identity(self.path)
+            self.began_anew = writer.damage
         return self._writer
 
     def _lock_inode(self) -> None:

@@ -8,6 +8,7 @@ import math
 import sqlite3
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -18,6 +19,7 @@ from lostmotion.daemon import database
 from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.reader import FLANK, NOISE, Reader
 from lostmotion.daemon.records import (
+    AlarmState,
     Answer,
     Cause,
     DeviceRow,
@@ -80,16 +82,20 @@ class Writer:
     """
 
     def __init__(self, path: Path, policy: Policy) -> None:
-        self._path, self._robot = path, ""
+        self._path = path
+        self.damage = ""
+        """What was wrong with the file that was at the path and had to be moved aside, "" for nothing."""
+        self._begin(path, policy)
+
+    def _begin(self, path: Path, policy: Policy) -> None:
+        """Opens the file and shows that it can be written and read.  A new one in the place of one that is damaged
+        begins with what the latter knows of alarms that are not over."""
+        self._robot = ""
         self._newest: dict[int, int] = {}
         self._joints: dict[str, int] = {}
         self._rolled: dict[int, int] = {}
         self._kept_bytes = 0
         self._bound_us = math.inf
-        self._begin(path, policy)
-
-    def _begin(self, path: Path, policy: Policy) -> None:
-        """Opens the file and shows that it can be written and read."""
         self._db = database.open_database(path)
         try:
             self.commit([], policy)
@@ -97,11 +103,14 @@ class Writer:
             _read_newest(self._db)
             self._db.execute("PRAGMA shrink_memory")  # a page in memory would hide damage that comes later
         except database.DAMAGED as error:
+            known = _living(self._db)
             self.close()
             if not database.is_damage(error):
                 raise database.refusal(path, error) from error
             database.move_aside(path, error)
             self._begin(path, policy)
+            self.commit(known, policy)
+            self.damage = database.explain(path, error)
 
     def close(self) -> None:
         """Gives the file back."""
@@ -251,6 +260,19 @@ class Writer:
             self._kept_bytes -= size
             gone.append((number,))
         self._db.executemany("DELETE FROM window WHERE id = ?", gone)
+
+
+def _living(db: sqlite3.Connection) -> list[Row]:
+    """The last transition of each alarm that is not over, and the health of these joints, as far as they can be read of
+    a damaged database."""
+    found: list[Row] = []
+    reader = Reader(db)
+    with suppress(*database.DAMAGED):
+        for joint in reader.joints():
+            last = [one for cause in Cause for _, one in reader.transitions(joint.name, cause, newest=1)]
+            living = [one for one in last if one.alarm.state is not AlarmState.NORMAL]
+            found += [joint, *living] if living else []
+    return found
 
 
 def _read_newest(db: sqlite3.Connection) -> None:

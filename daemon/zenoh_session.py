@@ -8,6 +8,7 @@ import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from time import time
 
 import zenoh
 
@@ -19,6 +20,7 @@ __all__ = [
     "JSON",
     "SCHEMA",
     "brief",
+    "clock_problem",
     "configuration",
     "connect_endpoints",
     "endpoints",
@@ -46,6 +48,14 @@ LISTENER = re.compile(r"listener bound to (\S+?): \[.*?: ([^:\]]+?) \(os error \
 """what Zenoh says of an address where it cannot listen"""
 MOST_BYTES = 10_000_000
 """of a file of keys, certificates or passwords"""
+END_OF_TIME = 2.0**32
+"""seconds since 1970 from which on Zenoh, whose stamps have 32 bits for them, panics: 7 February 2106"""
+
+
+def clock_problem() -> str:
+    """Why nothing can be published or opened now, "" for nothing: a clock beyond 2106, as after a reset of its chip.  A
+    panic of Zenoh's is no Exception, and one while a session is opened ends the process."""
+    return "the system's clock is beyond 2106, which Zenoh cannot stamp" if time() >= END_OF_TIME else ""
 
 
 def configuration(options: ZenohOptions) -> zenoh.Config:

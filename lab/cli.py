@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,7 +22,18 @@ if TYPE_CHECKING:
 
 __all__ = ["effects", "simulate"]
 
-POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
+
+class Number(click.FloatRange):
+    """A number in a range, in which click lets nan through."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        found: float = super().convert(value, param, ctx)
+        if math.isnan(found):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return found
+
+
+POSITIVE = Number(min=0, min_open=True, max=1e9)
 
 
 @click.command()
@@ -32,7 +44,7 @@ POSITIVE = click.FloatRange(min=0, min_open=True, max=1e9)
 @click.option("--duration", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="Length [s].")
 @click.option("--rate-hz", type=POSITIVE, default=1000.0, show_default=True, metavar="R", help="Rows a second.")
 @click.option("--servo-rate-hz", type=POSITIVE, metavar="R", help="Rate of command and position.  [default: --rate-hz]")
-@click.option("--noise", type=click.FloatRange(min=0, max=1e9), default=0.0, show_default=True, metavar="S",
+@click.option("--noise", type=Number(min=0, max=1e9), default=0.0, show_default=True, metavar="S",
               help="Standard deviation, in the unit of what is measured.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N", help="Of the noise.")
 @json_option

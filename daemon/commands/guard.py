@@ -108,6 +108,9 @@ def _explain(error: Exception) -> int:
         return _print_error(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
     if isinstance(error, ModuleNotFoundError) and (line := missing(error.name, "this command")):
         return _print_error(line)
+    if isinstance(error, UnicodeError):
+        found = str(getattr(error, "object", error))
+        return _print_error(f"found {found[:40]!r}, expected text in UTF-8")
     if isinstance(error, MemoryError):
         return _print_error(
             f"not enough memory: {error or 'none left'}; is the input far longer, or its times wider, than meant?"

@@ -29,7 +29,7 @@ from lostmotion.daemon.sinks.answers import Answers, payload
 from lostmotion.daemon.sinks.diagnostics import Board
 from lostmotion.daemon.sinks.link_monitor import LOOK_S, LinkMonitor
 from lostmotion.daemon.sinks.queries import Queries, Queryable
-from lostmotion.daemon.zenoh_session import JSON, brief, configuration, why_closed
+from lostmotion.daemon.zenoh_session import JSON, brief, clock_problem, configuration, why_closed
 
 if TYPE_CHECKING:
     from lostmotion.daemon.sinks.ros2 import Ros2Publisher
@@ -89,7 +89,7 @@ class ZenohSink:
             self._board.score(row)
         values = asdict(row) | {"time": iso(row.time)}
         with self._lock:
-            if self._session is None:
+            if self._session is None or self._is_beyond_time():
                 return
             try:
                 # In batches: of a burst that is sent one by one, Zenoh drops what finds both batches on their way.
@@ -132,8 +132,14 @@ class ZenohSink:
             self._waiting.append((key, content))
             self._publish_waiting()
 
+    def _is_beyond_time(self) -> bool:
+        """Whether Zenoh cannot stamp anything now, which is logged as a problem."""
+        if problem := clock_problem():
+            self._log_problem(problem)
+        return bool(problem)
+
     def _publish_waiting(self) -> None:
-        while self._session is not None and self._waiting:
+        while self._session is not None and self._waiting and not self._is_beyond_time():
             key, content = self._waiting[0]
             try:
                 self._publisher(self._session, key).put(content)
@@ -175,6 +181,9 @@ class ZenohSink:
         pause = FIRST_RETRY_S
         while not self._closing.is_set():
             session = None
+            if self._is_beyond_time():
+                self._closing.wait(FIRST_RETRY_S)
+                continue
             try:
                 config = configuration(self._options)
                 session = zenoh.open(config)

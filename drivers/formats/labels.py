@@ -18,6 +18,8 @@ LABELLED = re.compile(
     r"(?P<unit>\s*[A-Za-zµ°%]+[\w/^²]*(?![\w ]*[:=]))?"
 )
 """a name, a number, and perhaps its unit"""
+LONGEST = 2000
+"""Characters of a line; longer ones are of something else, and would take minutes."""
 MOST = 0.5
 """Share of the lines that have the usual names; others are titles, or what a program says in between."""
 
@@ -42,6 +44,8 @@ def _each(whole: Lines, names: tuple[str, ...]) -> Iterator[str]:
 
 def _names(line: str) -> tuple[str, ...]:
     """The names of the numbers in a line, with their units in brackets; none where there is anything else."""
+    if len(line) > LONGEST:
+        return ()
     found = list(LABELLED.finditer(line))
     ends = [0, *(one.end() for one in found)]
     is_whole = all(one.start() == end for one, end in zip(found, ends, strict=False)) and not line[ends[-1] :].strip(

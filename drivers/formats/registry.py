@@ -22,6 +22,8 @@ EXPECTED = (
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
+LONGEST_NAME = 2000
+"""characters of the name of a series"""
 NUMBERS = re.compile(r"[\s,;|.eE+-]*\d[\d\s,;|.eE+:/-]*")
 """a row without names, which may begin with a date or a time of day"""
 START = 1 << 16
@@ -93,9 +95,21 @@ def open_source(path: Path) -> Source:
         found = _format(start, path) or Format("text", b"", "text:open_text")
         if not found.opener:
             raise RecordingError(f"{path}: found {found.kind}, expected {EXPECTED}; {found.advice}")
-        return _opener(found.opener)(path)
+        return _with_short_names(path, _opener(found.opener)(path))
     except OSError as error:
         raise RecordingError(unreadable(path, error)) from error
+
+
+def _with_short_names(path: Path, source: Source) -> Source:
+    """The source.  Raises RecordingError for a name of thousands of letters, in which words would be sought for
+    minutes."""
+    longest = max((len(series.name) for series in source.series), default=0)
+    if longest > LONGEST_NAME:
+        raise RecordingError(
+            f"{path}: found a series with a name of {longest} characters, expected at most {LONGEST_NAME}; "
+            "is it a recording?"
+        )
+    return source
 
 
 def _open_folder(path: Path) -> Source:

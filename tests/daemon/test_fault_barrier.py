@@ -12,7 +12,7 @@ from lostmotion.daemon.fault_barrier import FaultBarrier
 from lostmotion.daemon.no_memory import NO_MEMORY
 
 
-def fails(error: Exception) -> None:
+def fails(error: BaseException) -> None:
     """A stage that cannot do its work."""
     raise error
 
@@ -45,3 +45,17 @@ def test_what_users_can_mend_has_no_traceback(caplog: pytest.LogCaptureFixture, 
 def test_the_result_of_a_stage_is_returned() -> None:
     """Arguments go in, the result comes out."""
     assert FaultBarrier(Path("history.db")).call(max, 3, 5) == 5
+
+
+class PanicException(BaseException):
+    """Named as what a library in Rust raises."""
+
+
+def test_a_panic_of_a_library_is_an_error_of_its_stage(caplog: pytest.LogCaptureFixture) -> None:
+    """It is no Exception, and ended the service; what the interpreter raises to end it still does."""
+    barrier = FaultBarrier(Path("history.db"))
+    assert barrier.call(fails, PanicException("assertion failed")) is None
+    assert caplog.records[0].getMessage() == "internal error in fails"
+    for error in (KeyboardInterrupt(), SystemExit()):
+        with pytest.raises(type(error)):
+            barrier.call(fails, error)

@@ -18,6 +18,7 @@ import zenoh
 from msgspec import structs
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
+from lostmotion.daemon import zenoh_session
 from lostmotion.daemon.lifecycle import happen, raised
 from lostmotion.daemon.options import ZenohOptions
 from lostmotion.daemon.records import AlarmEvent, Cause, Health, JointRow, ScoreRow, Severity
@@ -134,6 +135,34 @@ def test_who_joins_late_gets_the_last_alarm_and_health(endpoint: str, database: 
     assert set(told) == {"lostmotion/arm1/elbow/alarm", "lostmotion/arm1/elbow/health"}
     assert replies == [told["lostmotion/arm1/elbow/alarm"]]
     assert (replies[0]["state"], health["health"]) == ("returned", "WARNING")
+
+
+def test_a_clock_beyond_the_stamps_of_zenoh_is_a_problem(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """From 2106 on Zenoh panics, which ended the service: nothing is opened nor published then, the log says why, and
+    alarms follow when the clock is right; they wait for the session, too, that is not opened before."""
+    clock = [2.0**32]
+    monkeypatch.setattr(zenoh_session, "time", lambda: clock[0])
+    with closing(ZenohSink("arm1", ZenohOptions(listen=[endpoint]), NOWHERE)) as sink:
+        sink.alarm(ALARM)
+        wait_until(lambda: "beyond 2106" in sink.problem)
+        assert not sink.is_open
+        clock[0] = 1.8e9
+        wait_until(lambda: sink.is_open)
+        with session("client", connect=[endpoint]) as other:
+            listener = Listener(other)
+            wait_until(lambda: sink.score(SCORE) or listener.heard)
+            clock[0] = 2.0**32
+            sink.score(SCORE)
+            sink.alarm(ALARM)
+            assert "beyond 2106" in sink.problem
+            heard = len(listener.heard)
+            clock[0] = 1.8e9
+            sink.health(HEALTH)
+            wait_until(lambda: {"lostmotion/arm1/elbow/alarm", "lostmotion/arm1/elbow/health"} <= set(listener.heard))
+    assert heard == 1
+    assert "beyond 2106" in caplog.text
 
 
 def test_questions_are_answered_from_the_database(endpoint: str, database: Path) -> None:

@@ -475,6 +475,33 @@ def test_a_database_whose_bytes_have_turned_begins_anew(path: Path, old: bytes, 
         assert [row.score for row in reader.scores("elbow")] == [FULL.score]
 
 
+def test_alarms_outlive_a_damaged_history(path: Path) -> None:
+    """Where the scores cannot be read any more, the new database has the alarms that are not over, acknowledged ones as
+    such, the health of their joints, and the name of the robot."""
+    alarm = raised("elbow", Cause.PLAY, Severity.WARNING, "much", NOON)
+    seen = happen(alarm.alarm, AlarmEvent.ACKNOWLEDGED, NOON + timedelta(minutes=1), by="Ada")
+    gone = raised("knee", Cause.PLAY, Severity.WARNING, "much", NOON)
+    over = happen(
+        happen(gone.alarm, AlarmEvent.ACKNOWLEDGED, NOON).alarm, AlarmEvent.CLEARED, NOON + timedelta(minutes=2)
+    )
+    health = JointRow("elbow", Health.WARNING, "much", NOON)
+    filled(path, *scores(5000), health, alarm, seen, gone, over)
+    with closing(sqlite3.connect(path)) as db:
+        root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'score'").fetchone()[0]
+        size = db.execute("PRAGMA page_size").fetchone()[0]
+    with path.open("r+b") as file:
+        file.seek((root - 1) * size)
+        file.write(b"\xff" * size)
+    with closing(Store(path, "arm1")) as store:
+        assert "is damaged" in store.began_anew
+    with open_readonly(path) as reader:
+        assert reader.robot() == "arm1"
+        (kept,) = reader.alarms(living=True)
+        assert (kept.joint, kept.state, kept.raised) == ("elbow", AlarmState.ACKNOWLEDGED, NOON)
+        assert reader.joints() == [health]
+        assert reader.scores("elbow") == []
+
+
 def test_damage_among_as_many_scores_as_a_service_may_go_on_from_is_found_at_the_start(path: Path) -> None:
     """`[alarm] windows` may be ten thousand: a page that holds older scores than the newest hundred counts as well."""
     filled(path, *scores(5000))

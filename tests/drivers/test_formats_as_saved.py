@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 import zipfile
 from datetime import UTC, datetime
 from pathlib import Path
@@ -912,3 +913,14 @@ def test_of_columns_that_ascend_the_first_is_the_time_if_it_does_so_most_evenly(
     found = read(path, "position=column4:m")
     assert found.recording.time == pytest.approx(count * 5.088e-3, abs=1e-5)
     assert not any("column1 is not used" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("text", ["[" * 200_000, "a" * 80_000, "a: " * 30_000, " " * 200_000 + "x"])
+def test_a_line_without_end_is_refused_at_once(text: str, tmp_path: Path) -> None:
+    """Its one name was searched for words and units for minutes, as the time of that grows with the square of its
+    length; the error does not repeat it."""
+    path = tmp_path / "line.json"
+    path.write_text(text)
+    begun = time.process_time()
+    assert len(refused(path)) < 1000
+    assert time.process_time() - begun < 30
