@@ -272,6 +272,8 @@ def mapped(column: str, series: str, unit: str = "") -> str:
 
 def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, axis: _Axis) -> str:
     """What to type where no column was found."""
+    if not series:
+        return "it holds no series; was something recorded?"
     if all(is_time(one.name) or one.name == clock for one in series):
         ticks = "or if each is that of a tick of an encoder, write the numbers of the ticks beside them"
         return f"it holds times only; join it with the file of the motion: MOTION+FILE, {ticks}"

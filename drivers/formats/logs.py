@@ -70,6 +70,8 @@ class McapLog:
         if not counts:
             for _ in self.messages(()):
                 pass
+        if self.notes and not self._found:
+            raise RecordingError(f"{path}: found damage before the first message, expected some; is the file whole?")
         self.channels = [replace(each, count=counts.get(each.topic)) for each in self._found.values()]
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:

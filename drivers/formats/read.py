@@ -87,6 +87,8 @@ def imported(path: Path, choice: Choice) -> Imported:
         metadata["imported"]["left_motion"] = left_motion[0].removeprefix(NO_MOTION)
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)
+    if time.size and not time[-1] <= LARGEST:
+        raise RecordingError(f"{path}: found rows over {time[-1]:.3g} s, expected at most {LARGEST:g}")
     recording = Recording(time, columns, metadata, name=str(path))
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
 

@@ -134,6 +134,8 @@ def test_mcap_without_its_end(write: Any, tmp_path: Path) -> None:
     assert found.notes[0].startswith("the file has no end, as after a crash of the recorder")
     path.write_bytes(whole[:40])
     assert "cannot be read as MCAP: EndOfFile" in refused(path)
+    path.write_bytes(whole[:100])
+    assert "damage before the first message, expected some; is the file whole?" in refused(path)
 
 
 def test_bags_that_are_none(tmp_path: Path) -> None:

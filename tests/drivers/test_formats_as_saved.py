@@ -924,3 +924,10 @@ def test_a_line_without_end_is_refused_at_once(text: str, tmp_path: Path) -> Non
     begun = time.process_time()
     assert len(refused(path)) < 1000
     assert time.process_time() - begun < 30
+
+
+def test_times_that_no_recording_may_have_are_refused(tmp_path: Path) -> None:
+    """They were written, and refused when they were read again."""
+    path = tmp_path / "times.csv"
+    path.write_text("t;angle [rad]\n0;1\n1e300;2\n")
+    assert "found rows over 1e+" in refused(path)
