@@ -7,6 +7,8 @@ A command returns its exit status (``commands/guard.py``); None means 0.
 from __future__ import annotations
 
 import os
+import sys
+import warnings
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -50,6 +52,8 @@ def main() -> None:
     # Our matrices are small: the threads of BLAS cost a service more than they gain, up to 30 ms where one takes 1.
     for library in ("OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    if not sys.warnoptions:  # NumPy's, with lines of our source, on input that an error of ours describes
+        warnings.simplefilter("ignore", RuntimeWarning)
     cli.main()
 
 

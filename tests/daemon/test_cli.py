@@ -327,3 +327,13 @@ def test_one_thread_for_small_matrices() -> None:
         own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"} | given
         done = subprocess.run([sys.executable, "-c", script], env=own, capture_output=True, text=True, check=True)
         assert done.stdout.split() == [used, "False"]
+
+
+def test_of_a_file_that_is_refused_there_is_one_line(tmp_path: Path) -> None:
+    """And none of NumPy's warnings about its values."""
+    path = tmp_path / "empty.csv"
+    path.write_text("time,command,position\n" + "".join(f"{k / 100},nan,nan\n" for k in range(50)))
+    command = [sys.executable, "-m", "lostmotion", "import", str(path), "-o", str(tmp_path / "o.csv")]
+    found = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert found.returncode == 2
+    assert found.stderr.count("\n") == 1, found.stderr
