@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -49,9 +49,10 @@ class ModelFile:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
 
     def build(self, usual: Mapping[str, float] = MappingProxyType({})) -> Model:
-        """The model.  Of parameters that the file does not state it has the usual values, or else the defaults.  Raises
-        ModelError."""
-        return build_model(self.base, effects=self.effects, values={**usual, **self.parameters})
+        """The model.  Of parameters that the file does not state it has the usual values, or else the defaults; those
+        that it states have it as their source.  Raises ModelError."""
+        stated = {name: replace(one, source=one.source or "model file") for name, one in self.parameters.items()}
+        return build_model(self.base, effects=self.effects, values={**usual, **stated})
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
@@ -178,8 +179,7 @@ def _parameter(name: str, given: object, defaults: Mapping[str, Parameter], is_j
         of_line = of_axis(default.unit, is_linear=True) if is_joint else default.unit
         unit = default.unit if read.unit is None or read.unit == of_line else read.unit
         default.check_unit(unit)  # first: in the wrong unit the value is likely out of bounds as well
-        value = default.value if read.value is None else read.value
-        parameter = Parameter(value, unit, read.low, read.high, fixed, source="model file")
+        parameter = Parameter(default.value if read.value is None else read.value, unit, read.low, read.high, fixed)
         default.updated(parameter)
     except ModelError as error:
         raise ModelError(f"{name}: {error}") from error
