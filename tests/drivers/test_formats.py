@@ -417,7 +417,8 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
         (b"\xd0\xcf\x11\xe0" + bytes(600), "cannot be read as a workbook"),
         (b"#ROSBAG V2.0\n" + bytes(50), "found ROS 1 bag"),
         (b"name,word\na,b\nc,d\n", "found text without a column of numbers"),
-        (b"t,b,\x1b[31mq\x07" + b"z" * 5000 + b"\n0,1,2\n", "found t, b, ?[31mq?z"),
+        (b"t,b,\x1b[31mq\x07" + b"z" * 1900 + b"\n0,1,2\n", "found t, b, ?[31mq?z"),
+        (b"t," + b"z" * 5000 + b"\n0,1\n", "found a series with a name of 5000 characters, expected at most 2000"),
         (b"\x00\x01" * 500, "found bytes that are no text"),
     ],
 )

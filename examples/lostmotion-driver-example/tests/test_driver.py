@@ -16,7 +16,7 @@ SECONDS = 8.0
 
 @pytest.fixture
 def ports() -> tuple[int, int]:
-    """Two free UDP ports to which the controller sends."""
+    """Two free UDP ports to which the controller sends: its first datagrams have arrived."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as two,
@@ -24,7 +24,9 @@ def ports() -> tuple[int, int]:
         one.bind(("127.0.0.1", 0))
         two.bind(("127.0.0.1", 0))
         numbers = one.getsockname()[1], two.getsockname()[1]
-    threading.Thread(target=send, args=(*numbers, SECONDS), daemon=True).start()
+        threading.Thread(target=send, args=(*numbers, SECONDS), daemon=True).start()
+        for port in (one, two):
+            port.recv(65536)
     return numbers
 
 
