@@ -19,7 +19,6 @@ from lostmotion.daemon import database
 from lostmotion.daemon.learnt import FlankRow, NoiseRow
 from lostmotion.daemon.reader import FLANK, NOISE, Reader
 from lostmotion.daemon.records import (
-    AlarmState,
     Answer,
     Cause,
     DeviceRow,
@@ -268,10 +267,10 @@ def _living(db: sqlite3.Connection) -> list[Row]:
     found: list[Row] = []
     reader = Reader(db)
     with suppress(*database.DAMAGED):
-        for joint in reader.joints():
-            last = [one for cause in Cause for _, one in reader.transitions(joint.name, cause, newest=1)]
-            living = [one for one in last if one.alarm.state is not AlarmState.NORMAL]
-            found += [joint, *living] if living else []
+        alarms = reader.alarms(living=True)
+        found += [joint for joint in reader.joints() if joint.name in {alarm.joint for alarm in alarms}]
+        for alarm in alarms:
+            found += [one for _, one in reader.transitions(alarm.joint, alarm.cause, newest=1)]
     return found
 
 

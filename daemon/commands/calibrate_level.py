@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,13 @@ MANY = 0.05
 """Share of healthy windows above a level that is worth a warning."""
 
 
+def _number(ctx: click.Context, param: click.Parameter, value: float) -> float:
+    """The value; click takes nan as within any range."""
+    if math.isnan(value):
+        raise click.BadParameter("found nan, expected a number", ctx, param)
+    return value
+
+
 @click.command("level", short_help="The level, from healthy and worn joints.")
 @recordings
 @about_settings
@@ -39,6 +47,7 @@ MANY = 0.05
 @click.option(
     "--false-alarm",
     type=click.FloatRange(0, 0.5, min_open=True),
+    callback=_number,
     default=0.01,
     show_default=True,
     metavar="P",

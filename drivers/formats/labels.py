@@ -19,7 +19,7 @@ LABELLED = re.compile(
 )
 """a name, a number, and perhaps its unit"""
 LONGEST = 2000
-"""Characters of a line; longer ones are of something else, and would take minutes."""
+"""Characters of a line; longer ones are of something else, and one of 80,000 would take more than 25 s."""
 MOST = 0.5
 """Share of the lines that have the usual names; others are titles, or what a program says in between."""
 

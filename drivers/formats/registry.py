@@ -22,8 +22,9 @@ EXPECTED = (
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
-LONGEST_NAME = 2000
-"""characters of the name of a series"""
+MOST_LETTERS = 2000
+"""in the name of a series: words are sought in names, in the worst case (brackets) for 3 s in one of 2000 letters, and
+for half a minute in one of 8000"""
 NUMBERS = re.compile(r"[\s,;|.eE+-]*\d[\d\s,;|.eE+:/-]*")
 """a row without names, which may begin with a date or a time of day"""
 START = 1 << 16
@@ -104,9 +105,9 @@ def _with_short_names(path: Path, source: Source) -> Source:
     """The source.  Raises RecordingError for a name of thousands of letters, in which words would be sought for
     minutes."""
     longest = max((len(series.name) for series in source.series), default=0)
-    if longest > LONGEST_NAME:
+    if longest > MOST_LETTERS:
         raise RecordingError(
-            f"{path}: found a series with a name of {longest} characters, expected at most {LONGEST_NAME}; "
+            f"{path}: found a series with a name of {longest} characters, expected at most {MOST_LETTERS}; "
             "is it a recording?"
         )
     return source

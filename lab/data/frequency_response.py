@@ -8,7 +8,6 @@ in the frequency domain gives initial values for all fits.  Nothing is simulated
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -77,26 +76,15 @@ def _of_strongest_mode(model: Model, experiments: Sequence[Experiment], wanted: 
 
 
 def strongest_mode(model: Model, experiments: Sequence[Experiment]) -> Model | None:
-    """The model with the mass, damping and stiffness of the strongest mode that a force drives, as another mode biases
-    those of ``from_spectra``, or with the stiffness of the strongest mode that rings freely; None where these are not
-    physical."""
+    """The model with the mass, damping and stiffness of the strongest mode, as another mode biases those of
+    ``from_spectra``; None where these are not physical."""
     wanted = [
         name for name in ORDER.get(model.base, {}) if name in model.parameters and not model.parameters[name].fixed
     ]
     if model.base != "oscillator" or not wanted:
         return None
-    values = _of_strongest_mode(model, experiments, wanted) or _of_free_mode(model, experiments[0], wanted)
+    values = _of_strongest_mode(model, experiments, wanted)
     return model.replace(values) if values and min(values.values()) > 0 else None
-
-
-def _of_free_mode(model: Model, experiment: Experiment, wanted: Sequence[str]) -> dict[str, float]:
-    """The stiffness at which the model rings at the strongest line in the spectrum of the output; {} where there is
-    none, or an input."""
-    column = next((name for name in OUTPUTS[model.base] if name in experiment.measured), "")
-    if experiment.drive is not None or not column or "k" not in wanted:
-        return {}
-    lines = spectral_lines(experiment.measured[column], experiment.rate_hz)
-    return {"k": model.parameters["m"].value * (math.tau * lines[0]) ** 2} if lines else {}
 
 
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:

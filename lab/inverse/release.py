@@ -19,7 +19,6 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -305,13 +304,13 @@ def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Exper
     modes as model and catalogue have, the same for all, or to that of the strongest mode where the next two are too
     near to each other.  A warning reports the other modes.  Readings that are cut off at the end of the range are left
     as they are: their harmonics are no modes."""
-    felt = [model.base == "oscillator" and _is_felt_ringing(one) for one in experiments]
-    more = [found for one in compress(experiments, felt) if len(found := _modes(one)) > MODES]
+    modes = [_modes(one) if model.base == "oscillator" and _is_felt_ringing(one) else [] for one in experiments]
+    more = [found for found in modes if len(found) > MODES]
     highest = FASTEST * min((one.rate_hz for one in experiments), default=0.0)
     apart = [math.sqrt(second * third) for _, second, third, *_ in more if third > CUTOFF * second]
     two = [end for end in apart if end < highest]
     end = min(two or [CUTOFF * first for first, *_ in more], default=math.inf)
-    return tuple(_below(one, end) if rings else one for one, rings in zip(experiments, felt, strict=True))
+    return tuple(_below(end, one, found) if found else one for one, found in zip(experiments, modes, strict=True))
 
 
 def _is_felt_ringing(experiment: Experiment) -> bool:
@@ -333,12 +332,12 @@ def _is_harmonic(ratio: float) -> bool:
     return order <= HARMONICS and abs(ratio - order) < INHARMONIC * order
 
 
-def _below(experiment: Experiment, end: float) -> Experiment:
-    """The experiment below this frequency [Hz], sampled as that needs."""
+def _below(end: float, experiment: Experiment, modes: Sequence[float]) -> Experiment:
+    """The experiment below this frequency [Hz], sampled as that needs; modes: its frequencies [Hz]."""
     rate, values = experiment.rate_hz, experiment.measured[ACCEL]
     if end > FASTEST * rate:
         return experiment
-    if beyond := [line for line in _modes(experiment) if line > end]:
+    if beyond := [line for line in modes if line > end]:
         log.warning(
             "%s: has further modes, at %s Hz; the motion is compared below %.3g Hz",
             experiment.name, ", ".join(f"{line:.4g}" for line in beyond), end,

@@ -24,7 +24,7 @@ STATED = ("cap", "error_gain")
 """The parameters of which one is stated by a user who knows where a servo saturates."""
 DELAYS_S = (0.0, 0.01, 0.015, 0.022, 0.034, 0.051, 0.076)
 """Delays of the command [s] beside which the two models are compared.  Behind a delay the error of the angle seems
-larger than it is: without delays, four of 22 simulated servos that saturate, or would, seem not to."""
+larger than it is: without delays, four of 13 simulated servos that saturate seem not to, all with a delay or a lag."""
 MARGIN = 2.0
 """The duty at which the model saturates that should not, over the largest one of the measured motion: the simulated
 motion trails its command by more before effects are found."""

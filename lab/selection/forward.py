@@ -76,11 +76,15 @@ def _distinct(found: Selection[F], likelihood: Likelihood[F]) -> dict[str, list[
         return distinct
     for name, *alike in found.confusable:
         for other in alike if name in found.lacking else ():
-            fits = [fit for batch in likelihood.proposals(found.lacking[name], (), [other]) for _, fit in batch.fits]
-            best = min(fits, key=lambda one: one.rms, default=None)
+            best = min(_with(other, found.lacking[name], likelihood), key=lambda one: one.rms, default=None)
             if best and not is_over() and likelihood.predictions(best, found.fits[-1], of_all=True).is_better():
                 distinct.setdefault(name, []).append(other)
     return distinct
+
+
+def _with(effect: str, now: F, likelihood: Likelihood[F]) -> list[F]:
+    """The fits of the present model with this effect."""
+    return [fit for batch in likelihood.proposals(now, (), [effect]) for _, fit in batch.fits]
 
 
 def until_accepted(steps: Iterable[Step[F]]) -> Step[F]:
@@ -176,8 +180,7 @@ def _exceeds(one: Candidate[F], now: F, likelihood: Likelihood[F]) -> bool:
     rivals = get_effect(one.effect).rivals
     if {*rivals} <= {*now.model.effects}:
         return True
-    fits = [fit for batch in likelihood.proposals(now, (), rivals[-1:]) for _, fit in batch.fits]
-    found = [likelihood.predictions(fit, one.fit) for fit in fits]
+    found = [likelihood.predictions(fit, one.fit) for fit in _with(rivals[-1], now, likelihood)]
     return bool(found) and all(each.gain > policy.RIVAL_GAIN and each.p_value < policy.FALSE_NAME for each in found)
 
 

@@ -122,6 +122,7 @@ def test_level_by_promise_and_by_labels(tmp_path: Path) -> None:
     assert is_one_line(
         refused, "sound healthy windows, expected at least 1599", " of this motion) to promise", "--false-alarm"
     )
+    assert is_one_line(call("calibrate", "level", healthy, "--false-alarm", "nan"), "found nan, expected a number")
 
 
 def test_windows_say_what_is_wrong(tmp_path: Path) -> None:

@@ -84,9 +84,8 @@ def test_the_other_modes_are_told(caplog: pytest.LogCaptureFixture) -> None:
 )
 def test_the_band_has_two_modes_if_they_are_apart(others: tuple[float, ...], every: int) -> None:
     """It ends between the second and the third one, or beside the first where these are near to each other, or too fast
-    for the sampling rate; what a
-    clamp that slips adds at two and three times the first is no mode, and another recording has the same band.  every:
-    how many readings of 1024 Hz are one then."""
+    for the sampling rate; what a clamp that slips adds at two and three times the first is no mode, and another
+    recording has the same band.  every: how many readings of 1024 Hz are one then."""
     times, kinds = np.arange(0.0, 6.0, 1 / 1024), [(), others]
     felt = [
         Recording(times, {"accel": sum(np.cos(2 * np.pi * f * times) * np.exp(-0.5 * times) for f in (7.0, *more))})
