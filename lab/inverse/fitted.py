@@ -11,6 +11,7 @@ import numpy as np
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import within
+from lostmotion.lab.inverse.candidates import tried
 from lostmotion.lab.inverse.effect_sizes import disagree, uncertainty
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
@@ -85,8 +86,8 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
     with suppress(ModelError), within(math.inf):  # a fit that is cut short would be reported as the effect's error
         if isinstance(fit.data, OutputError):
             is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
-            data = OutputError.of([unseen], known, fit.data.substep_s)
-            return regressed(known, replace(data, is_anchored=is_part))
+            data = replace(OutputError.of([unseen], known, fit.data.substep_s), is_anchored=is_part)
+            return tried(known, data.horizons, data.nuisance)
         colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
         return regressed(
             known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)

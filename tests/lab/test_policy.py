@@ -45,7 +45,7 @@ NUMERICS = {
     "inverse/candidates.py": (6, "first values and steps of a fit, range of noise"),
     "inverse/first_values.py": (5, "zero angles, rounding, a small part of an effect, first values, shares of a step"),
     "inverse/explain.py": (2, "what is drawn, and which motor is told"),
-    "inverse/output_error.py": (8, "length, horizons, rate and integration step of what is simulated"),
+    "inverse/output_error.py": (9, "length, horizons, rate and integration step of what is simulated"),
     "inverse/problem.py": (4, "convergence of a fixed-point iteration, freedom of an angle, a bound"),
     "inverse/free_parameters.py": (4, "a finite difference, scales, a weak prior, a bound"),
     "inverse/regression.py": (7, "a minimiser; rank of a matrix, leverage of a block; samples and step of a trial run"),
