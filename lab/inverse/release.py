@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.lab import policy
 from lostmotion.lab.data.clipping import clipping_level
@@ -145,8 +146,7 @@ def _free_part(signals: Signals) -> _FreePart:
     A rest before the motion is left out if it is longer than that of a free motion at its turning points, or ends like
     one that is held: a pendulum that falls from the upright hardly accelerates there, and no simulation from there
     follows it.  For an accelerometer
-    half a period after a rest is left out as well, which is the longest time in which a blow does not push against the
-    motion.
+    half a period after it is left out as well, the longest time in which a blow does not push against the motion.
 
     The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band, or
     with the motion where something acts again afterwards.
@@ -225,10 +225,11 @@ def _driven_error(signals: Signals) -> ExperimentError:
 
 
 def _largest_motion(signals: Signals) -> slice:
-    """The samples of the motion that covers the longest distance, of several that are separated by rests, as a free
-    part does not begin to move again after a rest."""
+    """The samples of the motion that covers the longest distance, of several that are separated by rests longer than a
+    swing, as a free part does not begin to move again after one."""
     moving = np.flatnonzero(signals.moving)
-    rest = PAUSE / signals.band_hz / signals.step_s
+    swing = 0.0 if coasts(signals.position[moving], signals.experiment.is_linear) else _period(signals, moving)
+    rest = max(PAUSE / signals.band_hz, swing) / signals.step_s
     parts = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
     largest = max(parts, key=lambda part: float(np.abs(signals.velocity[part]).sum()))
     return slice(int(largest[0]), int(largest[-1]) + 1)
@@ -240,7 +241,7 @@ def _last_fastest(velocity: FloatArray, share: float) -> int:
     return int(np.flatnonzero(speed >= share * speed.max())[-1])
 
 
-def _period(signals: Signals, part: slice) -> float:
+def _period(signals: Signals, part: slice | NDArray[np.intp]) -> float:
     """The period of a sine with the same mean squares of angle and speed as this part of a motion [s]."""
     swing = signals.position[part] - signals.position[part].mean()
     return float(2 * np.pi * np.sqrt(np.mean(swing**2) / np.mean(signals.velocity[part] ** 2)))

@@ -51,6 +51,22 @@ def test_a_pendulum_that_is_held_first(start: float, held_s: float, caplog: pyte
     assert "moves freely only from" in caplog.text
 
 
+def test_a_pendulum_that_is_logged_at_each_count_of_its_encoder(caplog: pytest.LogCaptureFixture) -> None:
+    """Where it turns there are no rows for a while, and the angle seems to rest; that no law explains the motion, as
+    the encoder turns less on one side, does not mean that something acts on it again."""
+    times, count = np.arange(0.0, 34.0, 2e-4), 2.6e-3
+    moved = solve_ivp(
+        lambda _, y: [y[1], -65.0 * math.sin(y[0]) - 0.066 * y[1] - 0.125 * math.tanh(y[1] / 0.02)], (0.0, 34.0),
+        [0.67, 0.0], "LSODA", times, rtol=1e-8, atol=1e-10,
+    )  # fmt: skip
+    counts = np.round(np.where(moved.y[0] > 0, 1.0, 0.73) * moved.y[0] / count)
+    rows = np.flatnonzero(np.diff(counts, prepend=counts[0] - 1))
+    logged = {"position": np.append(counts[rows], counts[-1]) * count}
+    (found,) = released([Experiment("logged.csv", None, np.append(times[rows], 65.0), logged)])
+    assert found.time[-1] > 33.9
+    assert "left out" not in caplog.text
+
+
 @pytest.mark.parametrize("start", [0.3, 1.0, 2.5])
 @pytest.mark.parametrize("friction", [0.0, 0.05, 0.5])
 def test_a_pendulum_that_is_free_from_its_first_sample(
