@@ -45,8 +45,8 @@ def eliminated(found: Selection[F], likelihood: Likelihood[F], own: Sequence[F])
             now, added, lacking = part, relabelled(added, first.effects, part.model.effects), {}
         else:
             now, added, lacking = lacking[least], [name for name in added if name != least], {}
-    if is_over():
-        now, added = _without_last(now, added, first, own, likelihood)
+    if is_over() and (kept := _without_last(now, added, first, own, likelihood))[1] != added:
+        (now, added), lacking = kept, {}
     path = _path(found.fits, now, added, refitted)
     return replace(found, fits=path, added=tuple(added), lacking=lacking)
 

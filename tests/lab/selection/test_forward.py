@@ -518,6 +518,28 @@ def test_without_time_what_the_last_recording_contradicts_is_not_named() -> None
     assert search.fits == (fits[0],)
 
 
+class Ended(Moved):
+    """The time is over after two of its fits."""
+
+    refits = 0
+
+    def refitted(self, model: Model, fit: Regressed) -> Regressed:
+        """Counted."""
+        self.refits += 1
+        return super().refitted(model, fit)
+
+
+def test_what_was_taken_out_when_the_time_was_over_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fits without an effect that is no longer named say nothing of what the last recording shows."""
+    columns = independent()
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    likelihood = Ended(noise + 2 * columns[FIRST] + columns[SECOND], columns)
+    monkeypatch.setattr("lostmotion.lab.selection.backward.is_over", lambda: likelihood.refits == 2)
+    fits = [likelihood.fit(effects) for effects in ([], [FIRST], [FIRST, SECOND])]
+    search = eliminated(Selection(tuple(fits), (FIRST, SECOND), (), ()), likelihood, fits)
+    assert (search.added, search.lacking) == ((), {})
+
+
 def test_what_the_last_recording_contradicts_is_not_named() -> None:
     """Two effects that predict all other samples better make the last recording worse: neither is named.  The first is
     asked twice, as it does no harm while the second is there."""
