@@ -8,10 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
-from lostmotion.lab.quantity import number, quantities, quantity, with_unit
+from lostmotion.lab.fitting.identifiability import is_onward
+from lostmotion.lab.quantity import Interval, number, quantities, quantity, with_unit
 from lostmotion.lab.results import Displayed, Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
 from lostmotion.model.effects import get_effect
 
@@ -69,6 +72,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     if explanation.missing and not explanation.complete and found:
         sentences.append(_left(error, is_tried=not explanation.untried))
         sentences += of_finding(found)
+    sentences += _constant(explanation)
     sentences += _unidentified(explanation)
     sentences += _on_unseen_samples(explanation)
     sentences += [_held(one) for one in explanation.held]
@@ -101,6 +105,22 @@ def _named(effect: str, explanation: Explanation) -> str:
     if not alike:
         return sentence
     return f"{sentence} These recordings do not distinguish it from {joined(alike)}."
+
+
+def _constant(explanation: Explanation) -> list[str]:
+    """A sentence on a constant torque beside the effects, where it is larger than the error that is left."""
+    shown, error = explanation.best.experiments, explanation.error
+    found = next((one for one in explanation.best.estimates if one.name == "bias"), None)
+    if found is None or explanation.columns.get("torque") is not error or not explanation.missing:
+        return []
+    if found.low <= 0.0 <= found.high or abs(found.value) <= error.after:
+        return []
+    what, _ = words.column("torque", *axis_of(shown))
+    size = Interval(found.value, found.low, found.high, found.unit)
+    angles = [one.measured["position"] for one in shown if "position" in one.measured]
+    ways = {float(np.sign(angle[-1] - angle[0])) if is_onward(angle) else 0.0 for angle in angles}
+    why = ": dry friction, as the motion has one direction, or" if ways in ({1.0}, {-1.0}) else ", or is"
+    return [f"A constant {what} of {size}, acts as well{why} the zero of what was recorded."]
 
 
 def _unidentified(explanation: Explanation) -> list[str]:

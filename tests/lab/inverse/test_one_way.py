@@ -10,6 +10,7 @@ import pytest
 
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments, explain, open_executor
+from lostmotion.lab.report.verdict import of_explanation
 from lostmotion.lab.results import Explanation
 from lostmotion.model import build_model
 
@@ -18,8 +19,8 @@ J, B, C = 2e-3, 0.01, 0.4
 TIMES = np.arange(0.0, 12.0, 5e-3)
 
 
-def shaft(seed: int, direction: float, ripple: float = 0.0) -> Recording:
-    """Its speed wanders between 2 and 38 rad/s; ripple: torque of two periods a turn [N m]."""
+def shaft(seed: int, direction: float, ripple: float = 0.0, constant: float = 0.0) -> Recording:
+    """Its speed wanders between 2 and 38 rad/s; ripple: torque of two periods a turn [N m]; constant: [N m]."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, 2)
     frequency, size = np.array([0.5, 1.3]) * rng.uniform(0.9, 1.1, 2), np.array([12.0, 6.0])
@@ -28,17 +29,17 @@ def shaft(seed: int, direction: float, ripple: float = 0.0) -> Recording:
     angle = direction * (20.0 * TIMES + (size / w * np.sin(turns)).sum(axis=1))
     speed = direction * (20.0 + (size * np.cos(turns)).sum(axis=1))
     acceleration = -direction * (size * w * np.sin(turns)).sum(axis=1)
-    torque = J * acceleration + B * speed + C * np.sign(speed) + ripple * np.sin(2 * angle)
+    torque = J * acceleration + B * speed + C * np.sign(speed) + ripple * np.sin(2 * angle) + constant
     noise = rng.standard_normal((2, TIMES.size))
     columns = {"torque": torque + 5e-3 * noise[0], "position": angle + 1e-4 * noise[1]}
     return Recording(TIMES, columns, name=f"shaft{seed}.csv")
 
 
-def found(directions: tuple[float, ...], ripple: float = 0.0) -> Explanation:
+def found(directions: tuple[float, ...], ripple: float = 0.0, constant: float = 0.0) -> Explanation:
     """What is missing from a joint with viscous friction."""
     model = build_model("joint", ["viscous_friction"])
     with open_executor() as pool:
-        made = [shaft(seed, direction, ripple) for seed, direction in enumerate(directions)]
+        made = [shaft(seed, direction, ripple, constant) for seed, direction in enumerate(directions)]
         return explain(model, experiments(model, made), pool)
 
 
@@ -66,4 +67,14 @@ def test_dry_friction_of_a_shaft_that_turns_both_ways(caplog: pytest.LogCaptureF
     assert explanation.missing == ("coulomb_friction",)
     (bias,) = (one for one in explanation.best.estimates if one.name == "bias")
     assert bias.low < 0 < bias.high
+    assert "constant torque" not in " ".join(of_explanation(explanation))
     assert "turns in one direction" not in caplog.text
+
+
+def test_a_constant_torque_is_told() -> None:
+    """As large as the friction that is named, it is no effect of the catalogue, but not passed over."""
+    explanation = found((1.0, -1.0, 1.0), constant=-0.3)
+    assert explanation.missing == ("coulomb_friction",)
+    (said,) = (one for one in of_explanation(explanation) if "constant torque" in one)
+    assert said.startswith("A constant torque of 0.30")
+    assert said.endswith(" (95 %), acts as well, or is the zero of what was recorded.")
