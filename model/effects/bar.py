@@ -193,8 +193,8 @@ SECOND_MODE = Effect(
     amplitudes=("participation",),
     guesses=_second_guesses,
     words=Words(
-        "a second resonance of the bar",
-        "The bar has a second resonance, at {f2}.",
+        "another resonance of the bar",
+        "The bar has another resonance, at {f2}.",
         "Look for a loose screw or cable at the sensor; else it is the bar's own, and a low-pass filter takes it away.",
     ),
 )  # fmt: skip

@@ -144,4 +144,4 @@ def test_an_effect_that_leaves_less_and_is_not_named_is_told(left: float, is_ide
     given = report_example.explanation()
     other = Ranked("second_mode", given.error.before, left, 1e-6, is_identified=is_identified)
     said = " ".join(verdict.of_explanation(replace(given, ranking=(*given.ranking, other))))
-    assert ("A second resonance of the bar alone would leave 0.20 m/s², but is not named" in said) is is_told
+    assert ("Another resonance of the bar alone would leave 0.20 m/s², but is not named" in said) is is_told
