@@ -34,11 +34,11 @@ from lostmotion.lab.data.whiteness import fit_percent
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.strategy import unfitted
+from lostmotion.lab.inverse.candidates import tried
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.fitted import is_noise
 from lostmotion.lab.inverse.likelihood import Method
-from lostmotion.lab.inverse.output_error import OutputError
-from lostmotion.lab.inverse.regression import regressed
+from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.release import band_limited, released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Displayed, Finding
@@ -208,11 +208,12 @@ def compare(
         endless = [math.inf] * len(predictions)
         found = _compared(model, predictions, endless, {TORQUE: NoiseModel.white(floor_nm)}, recordings)
         return replace(found, delay_s=channel.delay_s, localisation=None if found.is_noise else left)
+    also: list[list[FloatArray]] = [[] for _ in experiments]
     if method is Method.MOTION and model.base != "servo":
-        experiments = [_with_zero(model, one) for one in experiments]
+        experiments, also = map(list, zip(*(_followed(model, one) for one in experiments), strict=True))
     floor = noise_models(experiments)
     if starts is None:
-        starts = [_start(model, one, floor) for one in experiments]
+        starts = [_start(model, one, floor, guesses) for one, guesses in zip(experiments, also, strict=True)]
     predictions = [predict(model, one, start) for one, start in zip(experiments, starts, strict=True)]
     horizons = [_horizon(model, one, start) for one, start in zip(predictions, starts, strict=True)]
     found = replace(_compared(model, predictions, horizons, floor, recordings), starts=tuple(starts))
@@ -259,26 +260,33 @@ def _overlays(
                           columns[name].noise.rms, horizon)  # fmt: skip
 
 
-def _with_zero(model: Model, experiment: Experiment) -> Experiment:
+def _followed(model: Model, experiment: Experiment) -> tuple[Experiment, list[FloatArray]]:
     """The experiment with its place counted from the zero of the model, as a fit does, which has one of its own for
-    each recording but the first.  It stays as it is where that lowers no error: of a model in which nothing depends on
-    the place, any zero and the initial position cancel."""
-    if ACCEL in experiment.measured:
-        return experiment
+    each recording but the first, and an initial state (n,) from which the model follows it, if there is one.
+
+    The place stays as it is where another zero lowers no error: of a model in which nothing depends on the place, any
+    zero and the initial position cancel.
+    """
     fixed, signals = held(model, free_names(model)), Signals.of(experiment)
     data = OutputError.of([signals], fixed)
-    own = replace(data, is_anchored=False)
-    there, fit = regressed(fixed, data), regressed(fixed, own)
-    if there.rms <= fit.rms + data.accuracy:
-        return experiment
-    (zero,) = own.zeros(fixed, fit.nuisance)
-    return signals.shifted(-zero).experiment
+    fit, zero = tried(fixed, data.horizons, data.nuisance), 0.0
+    if ACCEL not in experiment.measured:
+        own = replace(data, is_anchored=False)
+        other = tried(fixed, own.horizons, own.nuisance)
+        if other and not (fit and fit.rms <= other.rms + data.accuracy):
+            fit, (zero,) = other, own.zeros(fixed, other.nuisance)
+    if fit is None:
+        return experiment, []
+    moved = signals.shifted(-zero).experiment if zero else experiment
+    return moved, [initial_state(moved.model(fixed), moved, data.starts(fit.nuisance)[0], data.free)]
 
 
-def _start(model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel]) -> FloatArray:
-    """The initial state that minimises the error, of gears on longer and longer segments."""
+def _start(
+    model: Model, experiment: Experiment, floor: Mapping[str, NoiseModel], also: Sequence[FloatArray]
+) -> FloatArray:
+    """The initial state that minimises the error, of gears on longer and longer segments; also: first guesses (n,)."""
     whole = segment_of(model, experiment, {name: one.rms for name, one in floor.items()})
-    return find_start(model, whole, fine_substep(model, [experiment]), effort=FINE).start
+    return find_start(model, whole, fine_substep(model, [experiment]), also, FINE).start
 
 
 def _horizon(model: Model, prediction: Prediction, start: FloatArray) -> float:

@@ -36,7 +36,7 @@ from lostmotion.model.lanes import LANES
 from lostmotion.model.motion import FloatArray
 from lostmotion.model.run import run_each
 
-__all__ = ["OutputError", "offset_of"]
+__all__ = ["OutputError", "initial_state", "offset_of"]
 
 FINEST = 1 / 8
 """Share of the step of the present model: the shortest step of a model with one more effect, which leaves room for dry

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from lostmotion.lab.comparison.compare import compare
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.inverse.candidates import _not_vanished
 from lostmotion.lab.inverse.fitted import fit_on
@@ -13,7 +14,7 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import regressed
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import free_names, held
-from lostmotion.model import build_model
+from lostmotion.model import Model, build_model
 
 EFFECTS = ["gravity_torque", "coulomb_friction"]
 FIRST = {"gravity_torque.tau_g": 6e-3, "gravity_torque.phi": 0.07, "coulomb_friction.tau_c": 6e-5}
@@ -52,16 +53,27 @@ def swing(seed: int) -> Signals:
     return Signals.of(Experiment(f"swing{seed}.csv", None, times, {"position": angle}))
 
 
-@pytest.mark.parametrize(("seed", "off", "left"), [(0, 1.0, NOISE), (3, 1.0, NOISE), (0, 1.003, 0.06), (3, 0.995, 0.1)])
-def test_initial_state_of_many_large_swings(seed: int, off: float, left: float) -> None:
-    """The period depends on the amplitude: a fit to the whole begins with the speed of a filtered angle near its end,
-    which is off by 2 rad/s, and ends a swing behind, with 0.65 to 0.8 rad left.  off: factor of the weight; left: of
-    the motion at most, but for a tenth [rad]."""
+def pendulum(off: float = 1.0) -> Model:
+    """That pendulum, with all parameters held; off: factor of the weight."""
     model = build_model("joint", ["gravity_torque", "quadratic_damping", "coulomb_friction"])
     inertia = model.parameters["J"].value
     sizes = {"gravity_torque.tau_g": off * WEIGHT, "quadratic_damping.b2": DRAG, "coulomb_friction.tau_c": COULOMB}
     known = model.replace({name: inertia * value for name, value in sizes.items()})
-    known = held(known, free_names(known))
+    return held(known, free_names(known))
+
+
+@pytest.mark.parametrize(("seed", "off", "left"), [(0, 1.0, NOISE), (3, 1.0, NOISE), (0, 1.003, 0.06), (3, 0.995, 0.1)])
+def test_initial_state_of_many_large_swings(seed: int, off: float, left: float) -> None:
+    """The period depends on the amplitude: a fit to the whole begins with the speed of a filtered angle near its end,
+    which is off by 2 rad/s, and ends a swing behind, with 0.65 to 0.8 rad left.  left: what may be left [rad]."""
+    known = pendulum(off)
     there = fit_on(regressed(known, OutputError.of([swing(7)], known)), swing(seed))
     assert there is not None
     assert there.rms < 1.1 * left
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_many_large_swings_are_compared_from_the_first_on(seed: int) -> None:
+    """``lab compare`` follows them as well."""
+    found = compare(pendulum(), [swing(seed).experiment], is_described=False)
+    assert found.rms("position") < 1.1 * NOISE
