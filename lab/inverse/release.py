@@ -145,8 +145,8 @@ def _free_part(signals: Signals) -> _FreePart:
 
     A rest before the motion is left out if it is longer than that of a free motion at its turning points, or ends like
     one that is held: a pendulum that falls from the upright hardly accelerates there, and no simulation from there
-    follows it.  For an accelerometer
-    half a period after it is left out as well, the longest time in which a blow does not push against the motion.
+    follows it.  For an accelerometer half a period after it is left out as well, the longest time in which a blow does
+    not push against the motion.
 
     The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band, or
     with the motion where something acts again afterwards.
