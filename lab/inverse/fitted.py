@@ -87,7 +87,8 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
         if isinstance(fit.data, OutputError):
             is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
             data = replace(OutputError.of([unseen], known, fit.data.substep_s), is_anchored=is_part)
-            return tried(known, data.horizons, data.nuisance)
+            fits = [found for begin in data.begins if (found := tried(known, data.horizons, begin))]
+            return min(fits, key=lambda one: one.rms, default=None)
         colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
         return regressed(
             known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)
