@@ -268,7 +268,8 @@ def _living(db: sqlite3.Connection) -> list[Row]:
     reader = Reader(db)
     with suppress(*database.DAMAGED):
         alarms = reader.alarms(living=True)
-        found += [joint for joint in reader.joints() if joint.name in {alarm.joint for alarm in alarms}]
+        alarmed = {alarm.joint for alarm in alarms}
+        found += [joint for joint in reader.joints() if joint.name in alarmed]
         for alarm in alarms:
             found += [one for _, one in reader.transitions(alarm.joint, alarm.cause, newest=1)]
     return found

@@ -23,7 +23,8 @@ __all__ = ["Ros2Robot", "free_port", "typestore"]
 
 G_MS2 = 9.80665
 LATE_S = 2.0
-"""by which messages may be late and are sent all the same: a busy machine held them up, and their stamps have no gap"""
+"""by which messages may be late and are sent all the same: a busy machine held them up, and their stamps have no gap;
+with 0.2 s, of 200 messages a second 138 were left beside the six workers of all tests"""
 ADVANCED = "sensor_msgs/msg/JointState"
 POINT = "trajectory_msgs/JointTrajectoryPoint"
 HEADER_AND_NAMES = "std_msgs/Header header\nstring[] joint_names\n"

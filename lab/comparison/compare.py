@@ -34,9 +34,8 @@ from lostmotion.lab.data.whiteness import fit_percent
 from lostmotion.lab.discrepancy.describe import described
 from lostmotion.lab.discrepancy.residual_maps import ResidualMap
 from lostmotion.lab.fitting.strategy import unfitted
-from lostmotion.lab.inverse.candidates import tried
 from lostmotion.lab.inverse.channel import Channel
-from lostmotion.lab.inverse.fitted import is_noise
+from lostmotion.lab.inverse.fitted import followed, is_noise
 from lostmotion.lab.inverse.likelihood import Method
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.release import band_limited, released
@@ -269,10 +268,10 @@ def _followed(model: Model, experiment: Experiment) -> tuple[Experiment, list[Fl
     """
     fixed, signals = held(model, free_names(model)), Signals.of(experiment)
     data = OutputError.of([signals], fixed)
-    fit, zero = tried(fixed, data.horizons, data.nuisance), 0.0
+    fit, zero = followed(fixed, data), 0.0
     if ACCEL not in experiment.measured:
         own = replace(data, is_anchored=False)
-        other = tried(fixed, own.horizons, own.nuisance)
+        other = followed(fixed, own)
         if other and not (fit and fit.rms <= other.rms + data.accuracy):
             fit, (zero,) = other, own.zeros(fixed, other.nuisance)
     if fit is None:

@@ -21,7 +21,7 @@ from lostmotion.lab.shooting.parameters import held
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Fitted", "error_on", "fit_on", "is_disturbed", "is_noise"]
+__all__ = ["Fitted", "error_on", "fit_on", "followed", "is_disturbed", "is_noise"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +87,19 @@ def fit_on(fit: Regression, unseen: Signals) -> Regression | None:
         if isinstance(fit.data, OutputError):
             is_part = unseen.experiment.name in {one.experiment.name for one in fit.data.signals}
             data = replace(OutputError.of([unseen], known, fit.data.substep_s), is_anchored=is_part)
-            fits = [found for begin in data.begins if (found := tried(known, data.horizons, begin))]
-            return min(fits, key=lambda one: one.rms, default=None)
+            return followed(known, data)
         colour = fit.data.colour if isinstance(fit.data, InverseModel) else 0.0
         return regressed(
             known, replace(InverseModel.of([unseen], known), is_anchored=fit.nuisance.size == 0, colour=colour)
         )
     return None
+
+
+def followed(known: Model, data: OutputError) -> Regression | None:
+    """The best fit of the nuisance parameters alone, from each of their first values, a free motion on a growing
+    horizon; None where the motion cannot be simulated.  known: a model without free parameters."""
+    fits = [found for begin in data.begins if (found := tried(known, data.horizons, begin))]
+    return min(fits, key=lambda one: one.rms, default=None)
 
 
 def is_disturbed(fit: Regression) -> bool:

@@ -92,8 +92,8 @@ class OutputError(Problem):
         """The problem for growing parts of a free motion, from a few swings on, and for the whole of it."""
         if self.is_driven:
             return [self]
-        shares = list(HORIZONS)
-        while shares[0] * self.swings > IN_PHASE:
+        shares, swings = list(HORIZONS), self.swings
+        while shares[0] * swings > IN_PHASE:
             shares.insert(0, shares[0] * HORIZONS[0] / HORIZONS[1])
         return [*map(self._first, shares), self]
 
