@@ -11,7 +11,8 @@ from lostmotion.lab.deadline import Progress
 from lostmotion.lab.fitting.fit import fit_segments
 from lostmotion.lab.inverse.explain import fitted
 from lostmotion.lab.inverse.likelihood import Method
-from lostmotion.lab.inverse.release import band_limited, released
+from lostmotion.lab.inverse.modes import band_limited
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.results import Fit
 from lostmotion.model import Model
 

@@ -34,7 +34,8 @@ from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained
 from lostmotion.lab.inverse.likelihood import Method
-from lostmotion.lab.inverse.release import band_limited, released
+from lostmotion.lab.inverse.modes import band_limited
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.models.compile import compile_kernels
 from lostmotion.lab.results import Explanation

@@ -20,6 +20,8 @@ import click
 __all__ = ["LateCommand", "RootGroup"]
 
 WRONG, INTERRUPTED, UNREAD = 2, 130, 141
+LONGEST_WORD = 4096
+"""Characters of a word in an error message: the longest path that Linux takes."""
 
 
 class RootGroup(click.Group):
@@ -122,8 +124,9 @@ def _print_error(message: str) -> int:
     """A stderr that takes nothing, such as a log on a full disk, does not change the status: 1 would be bad news."""
     from lostmotion.drivers.terminal import printable
 
+    words = (word if len(word) <= LONGEST_WORD else f"{word[:LONGEST_WORD]}..." for word in message.split())
     try:
-        sys.stderr.write(f"lostmotion: {printable(' '.join(message.split()))}\n")
+        sys.stderr.write(f"lostmotion: {printable(' '.join(words))}\n")
         sys.stderr.flush()
     except OSError:
         _discard(sys.stderr)

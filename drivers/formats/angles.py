@@ -111,6 +111,9 @@ def _beyond_a_servo(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> 
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:
+    if one.column == "displacement" and one.is_without_unit:
+        millimetres = mapped(one.column, one.series, ":mm")
+        return [f"displacement: no unit is given, and m are taken; if its numbers are in mm, use {millimetres}"]
     if one.column not in ANGLES or one.unit or one.why == "given" or not values.size:
         return []
     is_whole = _are_whole(values) and float(np.ptp(values)) > 2 * np.pi

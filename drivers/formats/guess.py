@@ -51,6 +51,8 @@ POWERS = {"torque", "force", "current", "voltage"}
 DRIVES = {"command", *POWERS}
 FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
+GOAL = "r"
+"""the symbol of a goal"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
 NO_MOTION = "position: none; "
@@ -181,8 +183,9 @@ def _beside_given(candidates: Mapping[str, Sequence[Series]], given: Mapping[str
 def _eliminated(
     series: Sequence[Series], choice: Choice, clock: str, chosen: Mapping[str, Chosen], rough: str
 ) -> dict[str, Chosen]:
-    """The position, where it is the only series beside the time, or beside the time and a command, unless its unit is
-    that of another quantity, or it does not move as an angle does (``rough``)."""
+    """The motion, where it is the only series beside the time, or beside the time and a command, unless its unit is
+    that of another quantity, or it does not move as what has an inertia does (``rough``): an angle, or a place where
+    the model moves along a line."""
     used = {one.series for one in chosen.values()}
     rest = [one for one in _unnamed(series, clock) if one.name not in used]
     rest = [one for one in rest if not is_error(one.name)] or rest
@@ -195,7 +198,8 @@ def _eliminated(
     if not is_alone and (is_input(one.name) or (chosen and is_other(one.name))):
         return {}
     why = f"the only series beside the time{' and the command' * len(chosen)}"
-    return {"position": _chosen("position", one, Term(one.name), why)}
+    column = (LINE if choice.is_linear and not to_si(one.unit or unit_of(one.name, "position")) else TURN).motion
+    return {column: _chosen(column, one, Term(one.name), why)}
 
 
 def _changing(series: Sequence[Series], spans: Spans) -> Sequence[Series]:
@@ -247,7 +251,7 @@ def _inferred(
         driven, note = _input(series, joint)
         found |= driven
         notes += note
-    return found | (_along_a_line({**chosen, **found}) if "force" in {*chosen, *found} else {}), notes
+    return found | (_along_a_line({**chosen, **found}, series) if "force" in {*chosen, *found} else {}), notes
 
 
 def _candidates(series: Sequence[Series], choice: Choice) -> dict[str, list[Series]]:
@@ -349,8 +353,13 @@ def _pair(
         has_unit = unit_of(first, "position") or is_forced
         unit = "" if has_unit else axis.unit(known.get(first, (-math.inf, math.inf)))
     driven = "force" if is_forced else axis.drive
+    goals = [one for one in rest if one == GOAL and one not in drives[:1]]
     return ", and ".join(
-        [mapped(axis.motion, first, unit), *(f"a {driven} {mapped(driven, one)}" for one in drives[:1])]
+        [
+            mapped(axis.motion, first, unit),
+            *(f"a {driven} {mapped(driven, one)}" for one in drives[:1]),
+            *(f"for a servo its goal {mapped('command', one, unit)}" for one in goals),
+        ]
     )
 
 
@@ -382,10 +391,22 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
 
 
-def _along_a_line(chosen: Mapping[str, Chosen]) -> dict[str, Chosen]:
-    """A motion that a force drives, as a length if neither its unit nor its name says otherwise."""
-    moved = [one for one in chosen.values() if one.column == "position" and not (one.unit or column_of(one.series))]
-    return {one.column: replace(one, unit="m", si="m") for one in moved}
+def _along_a_line(chosen: Mapping[str, Chosen], series: Sequence[Series]) -> dict[str, Chosen]:
+    """A motion that a force drives: the only length by its unit, in place of an angle that only its name tells; or as a
+    length if neither its unit nor its name says otherwise."""
+    moved = [one for one in chosen.values() if one.column == "position" and one.why != "given"]
+    lengths = [one for one in series if _is_length(one) and one.name not in {each.series for each in chosen.values()}]
+    if moved and len(lengths) == 1 and moved[0].si == "rad" and moved[0].unit:
+        (length,) = lengths
+        return {"position": _chosen("position", length, Term(length.name), "a length, which a force moves")}
+    unknown = [one for one in moved if not (one.unit or column_of(one.series))]
+    return {one.column: replace(one, unit="m", si="m") for one in unknown}
+
+
+def _is_length(one: Series) -> bool:
+    """Whether a series is a length by its unit."""
+    unit = to_si(one.unit or unit_of(one.name, "displacement"))
+    return unit is not None and unit[0] == COLUMN_UNITS["displacement"]
 
 
 def _input(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:

@@ -223,14 +223,16 @@ def _is_told(values: FloatArray) -> bool:
 
 def without_inertia(table: Table, choice: Choice) -> dict[str, str]:
     """The only series beside the times, as ``rough``, if it neither swings nor keeps its speed over some time, as what
-    has an inertia does."""
+    has an inertia does, whether or not each reading is repeated until the next one comes."""
     names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
     is_timed = table.clock or table.times or choice.rate_hz is not None or "time" in choice.terms
     if len(names) != 1 or not is_timed:
         return {}
     values = np.asarray(table.load(names)[names[0]], dtype=float)
-    is_rough = values.size >= LEAST_ROWS and _changes(values) and not (swings(values) or is_smooth(values))
-    return {"rough": names[0]} if is_rough else {}
+    if values.size < LEAST_ROWS or not _changes(values):
+        return {}
+    fresh = values[np.diff(values, prepend=np.nan) != 0]
+    return {} if any(swings(one) or is_smooth(one) for one in (values, fresh)) else {"rough": names[0]}
 
 
 def _axes(series: Sequence[Series], column: str | None) -> list[str]:

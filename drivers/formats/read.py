@@ -31,7 +31,7 @@ from lostmotion.drivers.formats.swinging import drift_of
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
-from lostmotion.drivers.units import COLUMN_UNITS
+from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = ["Imported", "imported"]
 
@@ -201,7 +201,7 @@ def _plain(name: str) -> str:
 
 def _column_line(one: Chosen) -> str:
     if one.unit:
-        unit = one.unit if one.unit == one.si else f"{one.unit}, now {one.si}"
+        unit = one.unit if to_si(one.unit) in (None, (one.si, 1.0)) else f"{one.unit}, now {one.si}"
     elif one.factor != 1 or one.offset:
         unit = f"times {one.factor:g}{f' {one.offset:+g}' if one.offset else ''} [{one.si}]"
     else:

@@ -83,7 +83,7 @@ class Table:
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))
             unit = term.unit or series.unit.replace(DATE, "") or unit_of(series.name, "time")
             times, start, clock_text = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
-            clock_text = f"{series.name} [{clock_text}]"
+            clock_text = series.name if series.name.endswith(f"[{clock_text}]") else f"{series.name} [{clock_text}]"
             part, notes = _in_order(times)
             times, loaded = times[part], {name: values[part] for name, values in loaded.items()}
             notes += self._check(times, series.name)

@@ -37,8 +37,9 @@ from lostmotion.lab.fitting.strategy import unfitted
 from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.fitted import followed, is_noise
 from lostmotion.lab.inverse.likelihood import Method
+from lostmotion.lab.inverse.modes import band_limited
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
-from lostmotion.lab.inverse.release import band_limited, released
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.results import Displayed, Finding
 from lostmotion.lab.shooting.initial_state import FINE, find_start, segment_of

@@ -1,16 +1,11 @@
-"""Selects the part of a recording without an input in which the motion is free, and the band of its strongest mode.
+"""Selects the part of a recording without an input in which the motion is free.
 
 ``released`` leaves out what comes before the release: a hand that holds a pendulum up, a motor that still drives, a
 blow on a beam.  The acceleration of a free motion is a function of position and speed.  This function is fitted where
 the motion is surely free, from its largest speed on.  The motion counts as free back to where the function no longer
 explains the acceleration.
 
-``band_limited`` leaves out the higher modes of a structure that has more modes than model and catalogue.  A modal
-analysis looks at a few modes at a time, within their band, and leaves the others to a residual (Ewins 2000, Modal
-Testing, sections 4.2 and 4.4).  The bar of the model has one mode, and the catalogue has a second one; an accelerometer
-on a struck beam feels a dozen, which in the first tenths of a second are as large as these.
-
-Both are applied before any fit of a search (lab/explanation.py).
+It is applied before any fit of a search (lab/explanation.py).
 """
 
 from __future__ import annotations
@@ -18,34 +13,21 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.clipping import clipping_level
 from lostmotion.lab.data.energy import GAIN, LOSS, energy_gain, energy_loss
 from lostmotion.lab.data.experiment import ACCEL, Experiment
-from lostmotion.lab.data.frequency_response import spectral_lines
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import coasts, is_onward
-from lostmotion.lab.inverse.signals import (
-    CUTOFF,
-    EDGE,
-    FASTEST,
-    LEAST_SAMPLES,
-    PER_PERIOD,
-    REGRESSORS,
-    Signals,
-    is_moving,
-)
-from lostmotion.lab.inverse.zero_phase import lowpass
-from lostmotion.model import Model
+from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["band_limited", "released"]
+__all__ = ["released"]
 
 ORDER = 5
 """Degree of a local polynomial: over a third of a period of a sine its second derivative is right to 0.5 %."""
@@ -55,8 +37,8 @@ PERIOD = 3
 """Widths of the local polynomials in a period."""
 TURNING = 0.1
 """Share of a period: the longest time in which a free motion turns."""
-LEAST_HELD = 8
-"""Least number of readings to distinguish a rest that ends from a cubic: twice its parameters."""
+LEAST_HELD, RELEASES = 8, 200
+"""Least number of readings to distinguish a rest that ends from a cubic: twice its parameters; times that are tried."""
 TOP = 0.98
 """Share of the largest speed above which a shaft may still be driven: a driven shaft keeps its speed, apart from noise,
 and a coasting one slows down at once."""
@@ -69,17 +51,12 @@ COASTS = 0.1
 """What stands for the period of a shaft that coasts down, which has none: a share of the time that it takes."""
 PAUSE = 3.0
 """Longest rest within one motion, in periods of the end of the band; a longer one separates two motions."""
-MODES = 2
-"""Number of modes of model and catalogue; the band is limited only where a recording has more."""
-HARMONICS, INHARMONIC = 5, 0.025
-"""Harmonics of the strongest mode that are no modes, and how far off they may be, as a frequency depends on the
-amplitude.  A struck beam whose clamp slips has lines at 2, 3 and 5 times its 7.8 Hz, and modes at 50 and 142 Hz."""
 log = logging.getLogger(__name__)
 
 
 def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """The experiments, those without an input reduced to their free part; a warning reports what is left out.  Raises
-    ExperimentError for a shaft that does not slow down without an input, and for a motion that gains energy."""
+    ExperimentError for a shaft that keeps its speed without an input, and for a motion that gains energy."""
     return tuple(one if one.is_driven else _released(one) for one in experiments)
 
 
@@ -194,15 +171,17 @@ def _is_held(readings: FloatArray) -> bool:
     """Whether these first readings (N,) are a rest that ends suddenly: whether a constant up to some sample, and a
     square and a cube of the time since then, leave less than 1/``policy.MISSED`` of what a cubic leaves, which has as
     many parameters and follows a motion that is free from the first reading on."""
+    if readings.size < LEAST_HELD:
+        return False
     time = np.arange(readings.size, dtype=float)
 
     def left(*columns: FloatArray) -> float:
         inputs = np.stack([np.ones_like(time), *columns], axis=1)
         return float(np.linalg.norm(readings - inputs @ np.linalg.lstsq(inputs, readings)[0]))
 
-    since = [np.maximum(time - start, 0.0) for start in range(1, readings.size // 2 + 1)]
-    held = min((left(one**2, one**3) for one in since), default=math.inf)
-    return bool(policy.MISSED * held < left(time, time**2, time**3)) if readings.size >= LEAST_HELD else False
+    starts = np.unique(np.linspace(1, readings.size // 2, RELEASES, dtype=int))
+    held = min(left((since := np.maximum(time - start, 0.0)) ** 2, since**3) for start in starts)
+    return bool(policy.MISSED * held < left(time, time**2, time**3))
 
 
 def _keeps_speed(angle: FloatArray) -> bool:
@@ -298,53 +277,3 @@ class _LocalMotion:
         size = np.maximum(np.linalg.norm(inputs[self.free], axis=0), 1e-300)
         found = np.linalg.lstsq(inputs[self.free] / size, self.acceleration[self.free], rcond=1e-6)[0]
         return np.asarray(self.acceleration - (inputs / size) @ found)
-
-
-def band_limited(model: Model, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments; those of an accelerometer on an oscillator that rings down are filtered to a band with as many
-    modes as model and catalogue have, the same for all, or to that of the strongest mode where the next two are too
-    near to each other.  A warning reports the other modes.  Readings that are cut off at the end of the range are left
-    as they are: their harmonics are no modes."""
-    modes = [_modes(one) if model.base == "oscillator" and _is_felt_ringing(one) else [] for one in experiments]
-    more = [found for found in modes if len(found) > MODES]
-    highest = FASTEST * min((one.rate_hz for one in experiments), default=0.0)
-    apart = [math.sqrt(second * third) for _, second, third, *_ in more if third > CUTOFF * second]
-    two = [end for end in apart if end < highest]
-    end = min(two or [CUTOFF * first for first, *_ in more], default=math.inf)
-    return tuple(_below(end, one, found) if found else one for one, found in zip(experiments, modes, strict=True))
-
-
-def _is_felt_ringing(experiment: Experiment) -> bool:
-    """Whether these are the readings of an accelerometer alone, within its range, and nothing drives the motion."""
-    is_alone = experiment.measured.keys() == {ACCEL} and not experiment.is_driven
-    return is_alone and not clipping_level([experiment])
-
-
-def _modes(experiment: Experiment) -> list[float]:
-    """The frequencies of the strongest mode and of those beyond its band, ascending [Hz], without its harmonics."""
-    first, *others = spectral_lines(experiment.measured[ACCEL], experiment.rate_hz) or (math.inf,)
-    beyond = [line for line in others if line > CUTOFF * first]
-    return [first, *sorted(line for line in beyond if not _is_harmonic(line / first))]
-
-
-def _is_harmonic(ratio: float) -> bool:
-    """Whether a line at this ratio to the strongest mode is its harmonic, as of a clamp that slips."""
-    order = round(ratio)
-    return order <= HARMONICS and abs(ratio - order) < INHARMONIC * order
-
-
-def _below(end: float, experiment: Experiment, modes: Sequence[float]) -> Experiment:
-    """The experiment below this frequency [Hz], sampled as that needs; modes: its frequencies [Hz]."""
-    rate, values = experiment.rate_hz, experiment.measured[ACCEL]
-    if end > FASTEST * rate:
-        return experiment
-    if beyond := [line for line in modes if line > end]:
-        log.warning(
-            "%s: has further modes, at %s Hz; the motion is compared below %.3g Hz",
-            experiment.name, ", ".join(f"{line:.4g}" for line in beyond), end,
-        )  # fmt: skip
-    seen = ~np.isnan(values)
-    time = np.arange(experiment.time[seen][0], experiment.time[seen][-1], 1 / rate)
-    smooth = lowpass(np.interp(time, experiment.time[seen], values[seen]), end / rate)
-    kept = slice(round(EDGE * rate / end), None, max(int(rate / end / (CUTOFF * PER_PERIOD)), 1))
-    return replace(experiment, time=time[kept], measured={ACCEL: smooth[kept]})

@@ -181,6 +181,12 @@ def broken_program() -> RootGroup:
     return group
 
 
+def test_a_long_word_is_not_repeated_whole() -> None:
+    answer = call("histroy" + 50_000 * "y")
+    assert is_one_line(answer, "histroyyy", "... expected")
+    assert len(answer.stderr) < 5000
+
+
 def test_bug_shows_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     """An unexpected exception is one line that tells how to see more."""
     monkeypatch.delenv("LOSTMOTION_DEBUG", raising=False)

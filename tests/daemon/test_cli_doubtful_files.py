@@ -57,6 +57,21 @@ def test_beside_what_moves_more_a_swing_is_asked_about(tmp_path: Path) -> None:
     assert "position = column3  (deg" in told(table(path, T, STEPS, noisy, np.arange(T.size)))
 
 
+def test_a_swing_whose_readings_are_repeated_is_one(tmp_path: Path) -> None:
+    """Of a film that is far slower than its log: of 30 rows each reading is in all."""
+    swing = np.rint(10 * SWING[np.arange(T.size) // 30 * 30]) / 10
+    assert "position = column2  (deg" in told(table(tmp_path / "film.csv", T, swing))
+
+
+def test_of_a_mass_the_only_column_is_its_place(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """No angle in degrees, however large its numbers are: the base says so."""
+    path = table(tmp_path / "mass.csv", T, np.rint(SWING), sign=";")
+    assert call("lab", "compare", "oscillator", path).exit_code == 0
+    assert "displacement = column2  (m, as no unit is given; the only series beside the time)" in caplog.text
+    assert "if its numbers are in mm, use --map displacement=column2:mm" in caplog.text
+    assert "position = column2  (deg" in told(path)
+
+
 def whole_degrees(speed: np.ndarray) -> tuple[np.ndarray, ...]:
     """A motor's duty, times, speed and angle in whole degrees, from a controller of a toy."""
     angle = np.rint(np.cumsum(speed) / 160 - 400)

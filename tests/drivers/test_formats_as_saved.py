@@ -65,7 +65,21 @@ def test_the_advice_takes_the_input_for_what_drives(tmp_path: Path) -> None:
     path.write_text("t,u,y\n" + rows(T, np.sign(SWING), SWING, sign=","))
     assert "--map position=y, and a torque --map torque=u " in refused(path)
     path.write_text("t,r,y,u\n" + rows(T, np.sign(SWING), SWING, -SWING, sign=","))
-    assert "--map position=y, and a torque --map torque=u " in refused(path)
+    assert "--map position=y, and a torque --map torque=u, and for a servo its goal --map command=r " in refused(path)
+
+
+def test_a_force_moves_a_length(tmp_path: Path) -> None:
+    """Of a cart with a pendulum, whose angle has a name: the place is what the force moves, and the angle is left."""
+    path = tmp_path / "crane.csv"
+    path.write_text("time [s],F_set [N],x [m],phi1_deg\n" + rows(T, np.sign(SWING), SWING, 90 * SWING, sign=","))
+    found = read(path)
+    assert found.lines()[:3] == [
+        f"{path}: text separated by commas; time: time [s]",
+        "  position = x [m]  (m; a length, which a force moves)",
+        "  force = F_set [N]  (N; by its name)",
+    ]
+    assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
+    assert read(path, "position=phi1_deg").recording.columns["position"] == pytest.approx(np.pi / 2 * SWING, abs=1e-5)
 
 
 def test_of_vectors_of_several_lengths_those_with_the_motion_are_used(tmp_path: Path) -> None:

@@ -51,7 +51,11 @@ NUMERICS = {
     "inverse/regression.py": (7, "a minimiser; rank of a matrix, leverage of a block; samples and step of a trial run"),
     "inverse/saturation.py": (2, "delays that are tried, and how far away a limit is that should not act"),
     "inverse/channel.py": (5, "grids of bands and delays, and blocks; what a motor that is switched tells"),
-    "inverse/release.py": (12, "local polynomials, what is no error, parts of a period, the top of a speed, modes"),
+    "inverse/release.py": (
+        10,
+        "local polynomials, times of release, what is no error, parts of a period, top of a speed",
+    ),
+    "inverse/modes.py": (3, "modes of model and catalogue, and harmonics"),
     "inverse/signals.py": (12, "filters and splines"),
     "inverse/zero_phase.py": (1, "the order of a filter"),
     "inverse/torques.py": (2, "width of a smoothed sign"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,21 @@ def test_a_pendulum_that_is_held_first(start: float, held_s: float, caplog: pyte
     (found,) = released([measured(swing(start, held_s))])
     assert 0.0 <= found.time[0] - held_s < 0.2
     assert "moves freely only from" in caplog.text
+
+
+def test_a_long_rest_takes_little_memory() -> None:
+    """Of a log at 1 kHz that begins half a minute before the release: as many readings as a part of it, not their
+    square."""
+    time = np.arange(0.0, 40.0, 1e-3)
+    free = np.maximum(time - 30.0, 0.0)
+    angle = np.exp(-free / 8) * np.cos(6 * free)
+    noise = NOISE * np.random.default_rng(7).standard_normal(time.size)
+    tracemalloc.start()
+    (found,) = released([Experiment("free.csv", None, time, {"position": angle + noise})])
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.0 <= found.time[0] - 30.0 < 0.2
+    assert most < 100 * angle.nbytes
 
 
 def test_a_pendulum_that_is_logged_at_each_count_of_its_encoder(caplog: pytest.LogCaptureFixture) -> None:

@@ -14,8 +14,9 @@ from scipy.integrate import solve_ivp
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab import compare, fit, open_executor
 from lostmotion.lab.data.experiment import Experiment, experiments
+from lostmotion.lab.inverse.modes import band_limited
 from lostmotion.lab.inverse.output_error import offset_of
-from lostmotion.lab.inverse.release import band_limited, released
+from lostmotion.lab.inverse.release import released
 from lostmotion.lab.selection.evidence import are_consistent
 from lostmotion.model import build_model
 from lostmotion.model.motion import FloatArray
