@@ -13,7 +13,7 @@ from lostmotion.lab.inverse.candidates import equation_error_fit, tried, with_va
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import simulable
+from lostmotion.lab.inverse.torques import follows_motion, simulable
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.initial_guess import natural_frequency
 from lostmotion.model import Model, ModelError
@@ -34,11 +34,13 @@ def first_fits(model: Model, signals: Sequence[Signals]) -> list[Regression]:
 
 
 def _starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
-    """The model as it is, with the values of its fit to the acceleration, and with those of the strongest mode; if
-    there are others, not those with a mode above half of the sampling rate, which has an alias below it.  To a beam
-    that rings at 7.8 Hz, sampled at 79, the default mode at 71 Hz was fitted, and one at 7.9 Hz named as a second."""
+    """The model as it is, with the values of its fit to the acceleration, without the effects that do not follow from
+    the measured motion, such as a second mode, and with those of the strongest mode; if there are others, not those
+    with a mode above half of the sampling rate, which has an alias below it.  To a beam that rings at 7.8 Hz, sampled
+    at 79, the default mode at 71 Hz was fitted, and one at 7.9 Hz named as a second."""
     model = simulable(model, signals)
-    found = equation_error_fit(model, signals)
+    hidden = [name for name in model.effects if not follows_motion(get_effect(name))]
+    found = equation_error_fit(reduce(without, hidden, model), signals)
     strongest = strongest_mode(model, [one.experiment for one in signals])
     starts = [model, *([with_values(model, found.model)] if found else []), *([strongest] if strongest else [])]
     highest = min(one.experiment.rate_hz for one in signals) / 2

@@ -34,10 +34,11 @@ metadata = st.dictionaries(words.filter(lambda key: not key.endswith("_unit")), 
 
 @st.composite
 def recordings(draw: st.DrawFn) -> Recording:
-    """Any recording: some columns of the format, some of others, any metadata."""
+    """Any recording: at least one column of the format, without which it is anybody's table, some of others, any
+    metadata."""
     times = [us / 1e6 for us in sorted(draw(st.lists(st.integers(-(10**15), 10**15), min_size=1, max_size=8)))]
     rows = len(times)
-    known = draw(st.lists(st.sampled_from([c for c in COLUMN_UNITS if c != "time"]), unique=True))
+    known = draw(st.lists(st.sampled_from([c for c in COLUMN_UNITS if c != "time"]), unique=True, min_size=1))
     unknown = draw(st.lists(st.text("BDHJKL", min_size=1, max_size=4), unique=True, max_size=2))
     columns = {name: np.array(draw(st.lists(numbers, min_size=rows, max_size=rows))) for name in known}
     extra = {name: draw(st.lists(words, min_size=rows, max_size=rows)) for name in unknown}
