@@ -42,7 +42,10 @@ def correlation(residual: FloatArray) -> float:
 
 def chance(before: FloatArray, after: FloatArray, block: NDArray[np.intp]) -> float:
     """The p-value of the t-test of the mean logarithm of two models' squared errors (M,), block (M,) by block; 1 where
-    there is one block only."""
+    there is one block only, and 0 where the errors before are infinite, as those of a motion that cannot be
+    simulated."""
+    if np.isinf(before).all() and np.isfinite(after).all():
+        return 0.0
     ratio = _log_ratios(before, after, block)
     if ratio.size < 2:
         return 1.0

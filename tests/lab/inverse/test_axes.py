@@ -107,6 +107,12 @@ def test_blocks_of_noise_alone_do_not_outvote_the_others() -> None:
     assert chance(one, other, np.repeat(np.arange(12), 10)) > 0.5
 
 
+def test_what_cannot_be_simulated_predicts_worse() -> None:
+    """Infinite errors are larger than any, in each block."""
+    after = np.random.default_rng(3).chisquare(1, 120)
+    assert chance(np.full(120, np.inf), after, np.repeat(np.arange(12), 10)) == 0.0
+
+
 def test_one_block_tells_nothing() -> None:
     """A single block has no scatter to compare its difference with."""
     one, other, block = np.full(10, 1.0), np.full(10, 0.5), np.zeros(10, dtype=int)
