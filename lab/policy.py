@@ -57,6 +57,9 @@ RIVAL_GAIN = 0.23
 what elastic Coulomb friction leaves on four sets of recordings of a friction damper with backlash, 0.13 to 0.19 on one
 more, in which it is missed, and 0.46 to 0.92 on ten simulated joints.  On a joint that sticks and slips it takes 0.09,
 on a cart 0.01 to 0.20, and beside a spring 0.29, for which the cart gets a play that it does not have."""
+OWN_SHARE = 0.5
+"""Largest share of the squared error of one fit that fits to single recordings may leave, for a parameter to be
+reported as different in them."""
 LEAST_SHARE = 1e-4
 """Share of the first model's squared error of a torque that an effect has to take: a hundredth of its amplitude.  On a
 robot's shoulder gravity and three kinds of friction left 1e-4; a ripple and a spring that took 7e-6 and -1e-5 of the

@@ -23,6 +23,7 @@ from lostmotion.lab.data.frequency_response import from_spectra
 from lostmotion.lab.deadline import Progress, is_over, within
 from lostmotion.lab.fitting.identifiability import coasts, with_scale
 from lostmotion.lab.inverse.channel import Channel
+from lostmotion.lab.inverse.constancy import warn_of_differing
 from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
 from lostmotion.lab.inverse.fitted import Fitted, error_on, fit_on, is_disturbed, is_noise
@@ -144,6 +145,7 @@ def _explanation(
     errors = [error_on(fit, unseen) for fit in fits]
     share = strongest_first(selection, errors, power)
     floors = _floors(noise, best, unseen)
+    warn_of_differing(best, (*best.data.signals, unseen), floors[column], pool)
     left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
     complete = all(is_noise(one, floors[column]) for one in left)
     noise_rms = min(floors[column], best.error)  # an estimate that exceeds what a model leaves is too large
