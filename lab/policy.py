@@ -57,9 +57,6 @@ RIVAL_GAIN = 0.23
 what elastic Coulomb friction leaves on four sets of recordings of a friction damper with backlash, 0.13 to 0.19 on one
 more, in which it is missed, and 0.46 to 0.92 on ten simulated joints.  On a joint that sticks and slips it takes 0.09,
 on a cart 0.01 to 0.20, and beside a spring 0.29, for which the cart gets a play that it does not have."""
-OWN_SHARE = 0.5
-"""Largest share of the squared error of one fit that fits to single recordings may leave, for a parameter to be
-reported as different in them."""
 LEAST_SHARE = 1e-4
 """Share of the first model's squared error of a torque that an effect has to take: a hundredth of its amplitude.  On a
 robot's shoulder gravity and three kinds of friction left 1e-4; a ripple and a spring that took 7e-6 and -1e-5 of the
@@ -182,7 +179,8 @@ that are free from the first sample at most 1.2."""
 BEHIND = 1.8
 """Times the error of the best on segments of one length, above which another effect, or the model without one, is
 not fitted on longer ones, and the effect is needed.  The errors of true effects were at most 1.2 times that of the
-best one (docs/decisions/0014).  Of simulated motions the same holds for fits whose errors hardly fall any more."""
+best one (docs/decisions/0014).  Of simulated motions the same holds for fits whose errors hardly fall any more, and
+of all motions for one fit to all recordings beside a fit to each: above, these may be of different machines."""
 
 
 def is_less(error: float, other: float) -> bool:
