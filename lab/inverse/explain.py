@@ -38,7 +38,7 @@ from lostmotion.lab.inverse.torques import can_invert, noise_floor
 from lostmotion.lab.quantity import of_axis
 from lostmotion.lab.results import Errors, Estimate, Explanation, Fit
 from lostmotion.lab.selection.evidence import Candidate, Predictions
-from lostmotion.lab.selection.forward import selected
+from lostmotion.lab.selection.forward import distinguished, selected
 from lostmotion.lab.selection.outcome import advice, ladder, ranking, strongest_first, unshown
 from lostmotion.lab.selection.search import Selection, Step
 from lostmotion.lab.shooting.task import fine_substep
@@ -114,7 +114,7 @@ def _searched(
         if not (on_last and on_last.is_preferred):
             own, found = white, other
     assert own.unseen
-    return channel, own.unseen, found
+    return channel, own.unseen, distinguished(found, own)
 
 
 def _warn_of_motor_constant(rough: Model, fitted: Model, name: str) -> None:

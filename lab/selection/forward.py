@@ -32,7 +32,7 @@ from lostmotion.lab.selection.search import Likelihood, Selection, Step
 from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 
-__all__ = ["batches", "named", "selected", "until_accepted"]
+__all__ = ["batches", "distinguished", "named", "selected", "until_accepted"]
 
 F = TypeVar("F", bound=Fit)
 
@@ -61,25 +61,24 @@ def selected(
             if not several or is_over():
                 break
     own = fits[len(begun.fits) if begun else 0 :]
-    ended = eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
-    return replace(ended, distinct=_distinct(ended, likelihood))
+    return eliminated(Selection(tuple(fits), tuple(added), tuple(steps), untried), likelihood, own)
 
 
-def _distinct(found: Selection[F], likelihood: Likelihood[F]) -> dict[str, list[str]]:
-    """What ``Selection.distinct`` is, as far as the time allows.
+def distinguished(found: Selection[F], likelihood: Likelihood[F]) -> Selection[F]:
+    """The result of a search with what ``Selection.distinct`` is, as far as the time allows.
 
     Two effects may explain as much while another one is missing: the weight of a robot's arm and drag were not
     distinguished, but beside its viscous friction, which was found next, drag leaves four times the error.
     """
     distinct: dict[str, list[str]] = {}
     if likelihood.is_held_out or len(found.added) < 2:
-        return distinct
+        return found
     for name, *alike in found.confusable:
         for other in alike if name in found.lacking else ():
             best = min(_with(other, found.lacking[name], likelihood), key=lambda one: one.rms, default=None)
             if best and not is_over() and likelihood.predictions(best, found.fits[-1], of_all=True).is_better():
                 distinct.setdefault(name, []).append(other)
-    return distinct
+    return replace(found, distinct=distinct)
 
 
 def _with(effect: str, now: F, likelihood: Likelihood[F]) -> list[F]:

@@ -13,7 +13,7 @@ from lostmotion.lab.deadline import within
 from lostmotion.lab.results import Ranked
 from lostmotion.lab.selection.backward import _is_enough, eliminated
 from lostmotion.lab.selection.evidence import Predictions
-from lostmotion.lab.selection.forward import selected
+from lostmotion.lab.selection.forward import distinguished, selected
 from lostmotion.lab.selection.nesting import others
 from lostmotion.lab.selection.outcome import ranking, unshown
 from lostmotion.lab.selection.search import Proposals, Selection
@@ -115,7 +115,8 @@ def found(sizes: dict[str, float], columns: dict[str, FloatArray], seed: int = 0
     """The search in white noise of 1 and these multiples of columns."""
     noise = np.random.default_rng(seed).standard_normal(SAMPLES)
     measured = noise + sum(size * columns[name] for name, size in sizes.items())
-    return selected(Columns(np.asarray(measured), columns), lambda what, part: None)
+    likelihood = Columns(np.asarray(measured), columns)
+    return distinguished(selected(likelihood, lambda what, part: None), likelihood)
 
 
 def independent() -> dict[str, FloatArray]:
