@@ -298,11 +298,12 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
         goal = f", or a servo's goal, as in {mapped('command', 'SERIES')}" * (axis is TURN)
         return f"{why}: assign one of them, as in {motion}, and what drives it, as in {drive}{goal}"
     example = _example(series, clock, moving, spans, axis)
+    units = f"({axis.units}, *FACTOR for counts; a speed: {axis.speeds})"
     if rough := moving.get("rough"):
         said = f"{shown(rough)} neither swings nor keeps its speed, as what has an inertia does"
         kind = axis.kind if speed_of(rough) is None else "the speed of one"
-        return f"{said}; if it is {kind} all the same, use {example} ({axis.units}, *FACTOR for counts)"
-    return f"assign them, as in {example} ({axis.units}, *FACTOR for counts; a speed: {axis.speeds})"
+        return f"{said}; if it is {kind} all the same, use {example} {units}"
+    return f"assign them, as in {example} {units}"
 
 
 def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, axis: _Axis) -> str:
