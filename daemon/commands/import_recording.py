@@ -29,7 +29,7 @@ SHOWN = 60
               help="What a column is: position=angle:deg, torque=iq*1.21, torque= for none.")  # fmt: skip
 @click.option("--joint", default="", metavar="NAME", help="Which joint, where the file has several.")
 @click.option("--topic", "topics", multiple=True, metavar="T", help="MCAP, rosbag2: the topic that counts.")
-@click.option("--episode", type=click.IntRange(0), metavar="N", help="LeRobot: which episode.")
+@click.option("--episode", type=click.IntRange(0), metavar="N", help="Which episode, or run, from 0.")
 @click.option("--rate-hz", type=float, metavar="R", help="Rows a second, where the file has no times.")
 @as_json
 def import_recording(

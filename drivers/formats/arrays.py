@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,19 @@ def _columns(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]
         yield name, value.ravel()
 
 
-def open_json(path: Path) -> Table:
+@dataclass
+class _Runs:
+    """chosen: the number of the run that is read, None for the longest; count: of all runs, 0 where there is one."""
+
+    chosen: int | None
+    count: int = 0
+    note: str = ""
+
+
+def open_json(path: Path, episode: int | None = None) -> Table:
     """Lists of numbers by their keys, or the numbers of a list of objects, one a line or all in one; of a list of runs,
-    objects that hold lists, the longest.  What is no JSON is read as text.  Raises RecordingError."""
+    objects that hold lists, that of this number from 0, by default the longest.  What is no JSON is read as text.
+    Raises RecordingError."""
     check_size(str(path), path.stat().st_size)
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
@@ -58,28 +69,35 @@ def open_json(path: Path) -> Table:
             held = [json.loads(line) for line in text.splitlines() if line.strip()]
         except (ValueError, RecursionError):
             return open_text(path)
-    notes: list[str] = []
-    vectors = dict(_vectors(held, "", 0, notes))
+    runs = _Runs(episode)
+    vectors = dict(_vectors(held, "", 0, runs))
+    if episode is not None and not 0 <= episode < runs.count:
+        raise RecordingError(f"{path}: found episode={episode}, expected 0 to {runs.count - 1}")
     table = table_of(str(path), "JSON", vectors, "as in {'time': [0, 0.01], 'angle': [0.1, 0.2]}")
-    return replace(table, notes=[*table.notes, *notes])
+    notes = [*table.notes, *filter(None, [runs.note])]
+    return replace(table, notes=notes, open_episode=partial(open_json, path) if runs.count else None)
 
 
-def _vectors(value: Any, name: str, depth: int, notes: list[str]) -> Iterator[tuple[str, NDArray[Any]]]:
+def _vectors(value: Any, name: str, depth: int, runs: _Runs) -> Iterator[tuple[str, NDArray[Any]]]:
     """The lists of numbers in a value; those of a list of objects are the columns of a table, but where these hold
-    lists of different lengths, or there is one of them, each is a run.  What a person should know is added to notes."""
+    lists of different lengths, or there is one of them, each is a run.  The first such list is that of the runs."""
     if isinstance(value, list) and value and all(isinstance(row, Mapping) for row in value):
         lengths = [max((len(held) for held in row.values() if isinstance(held, list)), default=0) for row in value]
         if max(lengths) > 1 and (len(lengths) == 1 or len({*lengths}) > 1):
-            longest = lengths.index(max(lengths))
-            if len(value) > 1:
-                notes.append(f"{name or 'the list'} holds {len(value)} runs: number {longest + 1} is used, the longest")
-            yield from _vectors(value[longest], name, depth, notes)
+            chosen = lengths.index(max(lengths))
+            if len(value) > 1 and not runs.count:
+                chosen, runs.count = runs.chosen if runs.chosen is not None else chosen, len(value)
+                runs.note = (
+                    f"{name or 'the list'} holds {len(value)} runs: {chosen} is used, as in FILE#episode={chosen}"
+                )
+            if 0 <= chosen < len(value):
+                yield from _vectors(value[chosen], name, depth, runs)
             return
         keys = dict.fromkeys(key for row in value for key in row)
         value = {key: [row.get(key) for row in value] for key in keys}
     if isinstance(value, Mapping) and depth < DEEPEST:
         for key, inner in value.items():
-            yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1, notes)
+            yield from _vectors(inner, f"{name}.{key}" if name else str(key), depth + 1, runs)
     elif isinstance(value, int | float) and STEP.fullmatch(name):
         yield name, np.array([value], dtype=float)
     elif isinstance(value, list) and len(value) > 1:

@@ -61,7 +61,8 @@ def imported(path: Path, choice: Choice) -> Imported:
     source = open_source(path)
     still: Sequence[str] = ()
     if isinstance(source, Table):
-        source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
+        one = source.of_episode(choice.episode)
+        source, still = without_still(with_angle(of_one_run(one, choice), choice), choice)
     guess, samples, clock = _guessed(source, choice, path)
     if isinstance(source, Table) and (constant := _constant(guess, samples)):
         source = without_constant(source, choice, constant)

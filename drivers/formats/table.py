@@ -68,6 +68,16 @@ class Table:
     load: Callable[[Sequence[str]], Mapping[str, Array]]
     notes: Sequence[str] = field(default=())
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    open_episode: Callable[[int], Table] | None = None
+    """Reads another run of the file, by its number from 0; None where it holds one.  Raises RecordingError."""
+
+    def of_episode(self, episode: int | None) -> Table:
+        """The table of this run, or itself for None.  Raises RecordingError."""
+        if episode is not None and self.open_episode:
+            return self.open_episode(episode)
+        if episode:
+            raise RecordingError(f"{self.name}: found episode={episode}, expected 0, as the file holds one run")
+        return self
 
     def read(self, names: Sequence[str], choice: Choice) -> Samples:
         """The samples of these series.  Raises RecordingError."""

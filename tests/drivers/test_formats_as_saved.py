@@ -350,9 +350,12 @@ def test_runs_in_json(tmp_path: Path) -> None:
     found = read(path, rate_hz=50)
     np.testing.assert_allclose(found.recording.columns["command"], SWING)
     np.testing.assert_allclose(found.recording.columns["position"], 2 * SWING)
-    assert "data holds 3 runs: number 2 is used, the longest" in found.notes
+    assert "data holds 3 runs: 1 is used, as in FILE#episode=1" in found.notes
+    np.testing.assert_allclose(read(path, rate_hz=50, episode=0).recording.columns["command"], SWING[:40])
+    assert f"{path}: found episode=3, expected 0 to 2" in refused(path, rate_hz=50, episode=3)
     path.write_text(json.dumps({"data": [long]}))
     np.testing.assert_allclose(read(path, rate_hz=50).recording.columns["position"], 2 * SWING)
+    assert "found episode=1, expected 0, as the file holds one run" in refused(path, rate_hz=50, episode=1)
 
 
 def workbook(path: Path, days: float) -> None:
