@@ -16,7 +16,7 @@ from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import inertia_of
+from lostmotion.lab.inverse.torques import inertia_of, noise_floor
 from lostmotion.lab.selection.nesting import without
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.model import Model
@@ -114,10 +114,14 @@ def _departs(effect: str, fit: Regression) -> bool:
 
 
 def exceeds_noise(fit: Regression) -> bool:
-    """Whether a simulated motion leaves more than the noise of its sensor."""
+    """Whether a fit leaves more than the noise of the sensors: that of the angle of a simulated motion, or of a torque
+    and the acceleration that it is compared with."""
     data = fit.data
-    noise = max(data.accuracy, *(one.position_noise for one in data.signals)) if isinstance(data, OutputError) else 0.0
-    return isinstance(data, OutputError) and fit.error > policy.STRUCTURED * noise
+    if isinstance(data, OutputError):
+        noise = max(data.accuracy, *(one.position_noise for one in data.signals))
+    else:
+        noise = max(noise_floor(one, fit.model) for one in data.signals)
+    return fit.error > policy.STRUCTURED * noise
 
 
 def _is_shaped(effect: str, fit: Regression) -> bool:

@@ -72,3 +72,27 @@ def test_a_servo_cogs_over_two_periods(tmp_path: Path) -> None:
     answer = explained(tmp_path, model, [moved(phase) for phase in (0.4, 2.9)])
     assert answer["missing"] == ["torque_ripple"]
     assert "10 times a turn" in " ".join(answer["words"])
+
+
+def turned(seed: int, periods: int, size: float) -> Recording:
+    """A joint that moves over 0.3 turns, in closed form, with a torque that repeats so many times a turn."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 10.0, 5e-3)
+    tones = [(0.45, 0.31, rng.uniform(0, 6)), (0.3, 0.83, rng.uniform(0, 6)), (0.2, 1.4, rng.uniform(0, 6))]
+    waves = [(a, 2 * math.pi * f, 2 * math.pi * f * time + phase) for a, f, phase in tones]
+    angle = sum(a * np.sin(at) for a, _, at in waves)
+    speed = sum(a * w * np.cos(at) for a, w, at in waves)
+    torque = sum(-a * w**2 * np.sin(at) for a, w, at in waves) * 0.05 + 0.02 * speed
+    torque = torque + size * np.sin(periods * angle + 0.7) + 3e-3 * rng.standard_normal(time.size)
+    columns = {"position": angle + 2e-5 * rng.standard_normal(time.size), "torque": torque}
+    return Recording(time, columns, {}, {}, 0, f"turned{seed}.csv")
+
+
+@pytest.mark.parametrize(("periods", "named"), [(4, "torque_ripple"), (1, "gravity_torque")])
+def test_a_joint_turns_over_little_more_than_a_period(periods: int, named: str, tmp_path: Path) -> None:
+    """What leaves no more than noise is named, not a weight and a spring that together leave ten times as much; nor is
+    a wave named for a weight."""
+    model = 'base = "joint"\neffects = ["viscous_friction"]\n'
+    answer = explained(tmp_path, model, [turned(seed, periods, 0.3) for seed in (1, 2, 3)])
+    assert answer["missing"] == [named]
+    assert answer["complete"]
