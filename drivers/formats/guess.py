@@ -393,11 +393,11 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
 
 
 def _along_a_line(chosen: Mapping[str, Chosen], series: Sequence[Series]) -> dict[str, Chosen]:
-    """A motion that a force drives: the only length by its unit, in place of an angle that only its name tells; or as a
-    length if neither its unit nor its name says otherwise."""
+    """A motion that a force drives: the only length by its unit, in place of an angle that only its name tells, if
+    nothing else drives; or as a length if neither its unit nor its name says otherwise."""
     moved = [one for one in chosen.values() if one.column == "position" and one.why != "given"]
     lengths = [one for one in series if _is_length(one) and one.name not in {each.series for each in chosen.values()}]
-    if moved and len(lengths) == 1 and moved[0].si == "rad" and moved[0].unit:
+    if moved and len(lengths) == 1 and moved[0].si == "rad" and moved[0].unit and {*chosen} & DRIVES == {"force"}:
         (length,) = lengths
         return {"position": _chosen("position", length, Term(length.name), "a length, which a force moves")}
     unknown = [one for one in moved if not (one.unit or column_of(one.series))]

@@ -186,7 +186,8 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
     most = SHORT if isinstance(data, OutputError) else MOST_STEPS
-    scant = scant_guesses(name, begin, now, data)[:STARTS] if data.column == InverseModel.column else []
+    is_torque = data.column == InverseModel.column
+    scant = scant_guesses(name, begin, now, data)[:STARTS] if is_torque and exceeds_noise(now) else []
     for guess in (*scant, *guesses(name, begin, now, data)[:STARTS]):
         start, nuisance = initial_point(name, guess, now, data)
         fit = None if is_over() else tried(start, [data], nuisance, most)

@@ -145,12 +145,10 @@ def _explanation(
     errors = [error_on(fit, unseen) for fit in fits]
     share = strongest_first(selection, errors, power)
     floors = _floors(noise, best, unseen)
-    warn_of_differing(best, (*best.data.signals, unseen), floors[column], pool)
-    left = [best.misfit, *(there.misfit for there in (fit_on(best, unseen),) if there)]
-    complete = all(is_noise(one, floors[column]) for one in left)
+    complete = all(is_noise(one.misfit, floors[column]) for one in (best, fit_on(best, unseen)) if one)
     noise_rms = min(floors[column], best.error)  # an estimate that exceeds what a model leaves is too large
     error = Errors(errors[0], errors[-1], noise_rms, words.column(column, *best.data.axis)[1])
-    return Explanation(
+    found = Explanation(
         missing=tuple(share),
         share=share,
         unshown=unshown(selection, lambda one: error_on(one.surest, unseen)),
@@ -174,6 +172,8 @@ def _explanation(
         untried=selection.untried,
         held=known,
     )
+    warn_of_differing(best, (*best.data.signals, unseen), floors[column], pool)  # last, in the time that is left
+    return found
 
 
 def _scaled(selection: Selection[Fitted], model: Model) -> tuple[list[Regression], tuple[Estimate, ...]]:

@@ -89,7 +89,8 @@ def scant_guesses(name: str, shapes: Sequence[Model], now: Regression, data: Pro
     """The guesses for what repeats N times a turn, of which the motion covers half of ``policy.LEAST_PERIODS`` and
     more, but not all.
 
-    Such a wave can imitate much of any slow torque, but only the right one leaves no more than noise.  Of 39 simulated
+    Such a wave can imitate much of any slow torque, but only the right one leaves no more than noise, where more is
+    left without it.  Of 39 simulated
     joints with a ripple three covered 1.2 to 1.4 of its periods, and got a weight and a spring instead.
     """
     if all("N" not in one.own(name) for one in shapes):

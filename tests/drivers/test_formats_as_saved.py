@@ -80,6 +80,8 @@ def test_a_force_moves_a_length(tmp_path: Path) -> None:
     ]
     assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-5)
     assert read(path, "position=phi1_deg").recording.columns["position"] == pytest.approx(np.pi / 2 * SWING, abs=1e-5)
+    path.write_text("time [s],force [N],z [m],q1_deg,torque\n" + rows(T, SWING, SWING, 90 * SWING, -SWING, sign=","))
+    assert "  position = q1_deg  (deg, now rad; by its name)" in read(path).lines()
 
 
 def test_of_vectors_of_several_lengths_those_with_the_motion_are_used(tmp_path: Path) -> None:
