@@ -19,7 +19,8 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.candidates import tried
-from lostmotion.lab.inverse.fitted import is_noise
+from lostmotion.lab.inverse.first_fits import fits_from
+from lostmotion.lab.inverse.fitted import interval
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression
@@ -90,7 +91,7 @@ def differing(fit: Regression, signals: Sequence[Signals], floor: float, pool: E
     if not (is_behind and evidence.is_better(len(fits))):
         return None
     z = np.array([one.z for one in fits])
-    deviations = [one.interval(is_lasting=not is_noise(one.misfit, floor))[0] for one in fits]
+    deviations = [interval(one, floor)[0] for one in fits]
     weight = 1 / np.maximum(deviations, 1e-100) ** 2
     mean = np.sum(weight * z, axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
     away = dict(zip(fit.unknowns.names, np.sum(weight * (z - mean) ** 2, axis=0), strict=True))
@@ -107,7 +108,6 @@ def _fitted(fit: Regression, signals: Sequence[Signals]) -> Regression | None:
     if is_over():
         return None
     if isinstance(fit.data, OutputError):
-        data = OutputError.of(signals, fit.model, fit.data.substep_s)
-        return tried(fit.model, data.horizons, data.begun(fit.model, data.measured))
+        return next(iter(fits_from([fit.model], signals, fit.data.substep_s)), None)
     torque = InverseModel.of(signals, fit.model)
     return tried(fit.model, [torque], torque.nuisance)

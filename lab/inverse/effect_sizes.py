@@ -23,7 +23,10 @@ from lostmotion.model import Model
 from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["amplitudes", "chance_of_zero", "disagree", "exceeds_noise", "is_sized", "shares", "uncertainty"]
+__all__ = [
+    "amplitudes", "chance_of_zero", "disagree", "exceeds_noise", "is_sized", "shares", "torque_exceeds_noise",
+    "uncertainty",
+]  # fmt: skip
 
 
 def uncertainty(fit: Regression) -> float:
@@ -114,14 +117,18 @@ def _departs(effect: str, fit: Regression) -> bool:
 
 
 def exceeds_noise(fit: Regression) -> bool:
-    """Whether a fit leaves more than the noise of the sensors: that of the angle of a simulated motion, or of a torque
-    and the acceleration that it is compared with."""
+    """Whether a simulated motion leaves more than the noise of its sensor."""
     data = fit.data
-    if isinstance(data, OutputError):
-        noise = max(data.accuracy, *(one.position_noise for one in data.signals))
-    else:
-        noise = max(noise_floor(one, fit.model) for one in data.signals)
-    return fit.error > policy.STRUCTURED * noise
+    noise = max(data.accuracy, *(one.position_noise for one in data.signals)) if isinstance(data, OutputError) else 0.0
+    return isinstance(data, OutputError) and fit.error > policy.STRUCTURED * noise
+
+
+def torque_exceeds_noise(fit: Regression) -> bool:
+    """Whether a measured torque leaves more than its noise and that of the torque that the measured motion needs."""
+    data = fit.data
+    if data.column != InverseModel.column:
+        return False
+    return fit.error > policy.STRUCTURED * max(noise_floor(one, fit.model) for one in data.signals)
 
 
 def _is_shaped(effect: str, fit: Regression) -> bool:

@@ -26,7 +26,7 @@ from lostmotion.lab.inverse.channel import Channel
 from lostmotion.lab.inverse.constancy import warn_of_differing
 from lostmotion.lab.inverse.describe import described
 from lostmotion.lab.inverse.effect_sizes import amplitudes, shares
-from lostmotion.lab.inverse.fitted import Fitted, error_on, fit_on, is_disturbed, is_noise
+from lostmotion.lab.inverse.fitted import Fitted, error_on, fit_on, interval, is_disturbed, is_noise
 from lostmotion.lab.inverse.likelihood import Method, WholeMotion
 from lostmotion.lab.inverse.output_error import OutputError, initial_state
 from lostmotion.lab.inverse.problem import InverseModel
@@ -242,7 +242,7 @@ def _detectable(step: Step[Fitted]) -> dict[str, tuple[str, float]]:
 
 def _estimates(fit: Regression, floor: float) -> tuple[Estimate, ...]:
     """The parameters with confidence intervals; floor: root mean square of the noise of the sensors."""
-    deviation, freedom = fit.interval(is_lasting=isinstance(fit.data, OutputError) and not is_noise(fit.misfit, floor))
+    deviation, freedom = interval(fit, floor)
     width = float(-stdtrit(freedom, (1 - policy.CONFIDENCE) / 2))
     found = fit.unknowns.estimates(fit.model, fit.z, deviation, width)
     return tuple(replace(one, unit=of_axis(one.unit, *fit.data.axis)) for one in found)

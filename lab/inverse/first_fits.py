@@ -19,18 +19,18 @@ from lostmotion.lab.shooting.initial_guess import natural_frequency
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
 
-__all__ = ["first_fits"]
+__all__ = ["first_fits", "fits_from"]
 
 
 def first_fits(model: Model, signals: Sequence[Signals]) -> list[Regression]:
     """The fits from the model as it is and from its fit to the acceleration; where the motion cannot be simulated with
     these, from the fits of the model without its effects, with effects of size zero.  The cubic spring of a stiff bar
     throws a disk on a spring of 15 N/m beyond all numbers."""
-    found = _fits(_starts(model, signals), signals)
+    found = fits_from(_starts(model, signals), signals)
     if found or not model.effects:
         return found
     bare = reduce(without, model.effects, model)
-    return _fits([_vanishing(model, fit.model) for fit in _fits(_starts(bare, signals), signals)], signals)
+    return fits_from([_vanishing(model, fit.model) for fit in fits_from(_starts(bare, signals), signals)], signals)
 
 
 def _starts(model: Model, signals: Sequence[Signals]) -> list[Model]:
@@ -54,12 +54,13 @@ def _vanishing(model: Model, bare: Model) -> Model:
     return with_values(model, bare).replace(zero)
 
 
-def _fits(models: Sequence[Model], signals: Sequence[Signals]) -> list[Regression]:
-    """The fits from those models with which the motion can be simulated."""
+def fits_from(models: Sequence[Model], signals: Sequence[Signals], substep_s: float = 0.0) -> list[Regression]:
+    """The fits from those models with which the motion can be simulated, in the measured initial states; substep_s: the
+    integration step [s], by default the one that each model needs."""
     begun = []
     for model in models:
         with suppress(ModelError):
-            begun.append((model, OutputError.of(signals, model)))
+            begun.append((model, OutputError.of(signals, model, substep_s)))
     return [
         fit
         for start, data in _promising(begun)

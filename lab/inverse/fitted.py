@@ -21,7 +21,7 @@ from lostmotion.lab.shooting.parameters import held
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Fitted", "error_on", "fit_on", "followed", "is_disturbed", "is_noise"]
+__all__ = ["Fitted", "error_on", "fit_on", "followed", "interval", "is_disturbed", "is_noise"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +110,12 @@ def is_disturbed(fit: Regression) -> bool:
         return False
     torque = np.concatenate([one.filtered(one.torque) for one in fit.data.signals])
     return fit.error**2 > policy.LEAST_GAIN * float(torque.var())
+
+
+def interval(fit: Regression, floor: float) -> tuple[FloatArray, int]:
+    """``Regression.interval``: disturbances last where a simulated motion leaves more than noise; floor: root mean
+    square of the noise of the sensors within the band."""
+    return fit.interval(is_lasting=isinstance(fit.data, OutputError) and not is_noise(fit.misfit, floor))
 
 
 def is_noise(residual: FloatArray, floor: float) -> bool:

@@ -213,8 +213,7 @@ class WholeMotion:
         a motion may last.  In a search they would be too few: what the effects that are not yet found leave lasts, too.
         """
         white = other.generalised.data.whitened
-        may_last = is_last and self.method is Method.MOTION
-        block = other.generalised.blocks(may_last and exceeds_noise(other.generalised))
+        block = other.generalised.blocks(is_last and exceeds_noise(other.generalised))
         folds = Predictions(
             _of_new(one.generalised, block) * white(one.generalised.predicted) ** 2,
             _of_new(other.generalised, block) * white(other.generalised.predicted) ** 2,

@@ -31,7 +31,7 @@ def mass(seed: int, hz: float, damping: float = 0.05) -> Recording:
 def test_masses_on_springs(
     frequencies: tuple[float, ...], said: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The spring that is another one is told with its stiffness, whichever is judged; equal ones are not told."""
+    """The spring that is another one is told with its stiffness; equal ones are not told."""
     with caplog.at_level(logging.WARNING):
         explained(
             tmp_path, 'base = "oscillator"\n[parameters]\nm = 0.5\n', [mass(*each) for each in enumerate(frequencies)]
@@ -42,7 +42,7 @@ def test_masses_on_springs(
 
 @pytest.mark.parametrize("inertia", [1.0, 2.5])
 def test_joints_of_robots(inertia: float, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Of one robot nothing is told; of another that carries more, its inertia."""
+    """Of one robot nothing is told; of another one, whose torques are larger, it is told that it is another one."""
     recordings = [replace(robot(seed), name=f"r{seed}.csv") for seed in (1, 2, 3)]
     heavy = {**recordings[1].columns, "torque": inertia * recordings[1].columns["torque"]}
     with caplog.at_level(logging.WARNING):

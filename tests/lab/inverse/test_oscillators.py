@@ -17,7 +17,7 @@ from lostmotion.lab.data.experiment import experiments, with_one_column
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import with_free_states
 from lostmotion.lab.inverse.effect_sizes import is_sized
-from lostmotion.lab.inverse.first_values import covers
+from lostmotion.lab.inverse.first_values import _covers
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import regressed
@@ -140,9 +140,9 @@ def test_a_ripple_faster_than_the_band_is_no_candidate(speed: float, is_seen: bo
     (held,) = experiments(model, [Recording(times, {"position": turned, "torque": np.ones(times.size)})])
     ripple = model.with_effect("torque_ripple").replace({"torque_ripple.N": 18.0})
     signals = replace(Signals.of(held), band_hz=10.0)
-    assert covers("torque_ripple", ripple, InverseModel.of([signals], model)) is is_seen
+    assert _covers("torque_ripple", ripple, InverseModel.of([signals], model)) is is_seen
     once = ripple.replace({"torque_ripple.N": 1.0})  # the law of a weight, which an arm has rather
-    assert covers("torque_ripple", once, InverseModel.of([signals], model)) is not is_seen
+    assert _covers("torque_ripple", once, InverseModel.of([signals], model)) is not is_seen
 
 
 @pytest.mark.slow
