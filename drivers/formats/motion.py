@@ -225,7 +225,7 @@ def without_inertia(table: Table, choice: Choice) -> dict[str, str]:
     """The only series beside the times, as ``rough``, if it neither swings nor keeps its speed over some time, as what
     has an inertia does, whether or not each reading is repeated until the next one comes."""
     names = [one.name for one in table.series if one.unit != DATE and not is_time(one.name) and one.name != table.clock]
-    is_timed = table.clock or table.times or choice.rate_hz is not None or "time" in choice.terms
+    is_timed = table.clock or table.times or table.rate[1] or choice.rate_hz is not None or "time" in choice.terms
     if len(names) != 1 or not is_timed:
         return {}
     values = np.asarray(table.load(names)[names[0]], dtype=float)

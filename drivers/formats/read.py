@@ -192,6 +192,8 @@ def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples)
     metadata["imported"] |= {f"{one.column}_given": True for one in chosen if one.why == "given"}
     assumed = [one for one in chosen if one.why.endswith((ASSUMED, BY_SPEED))]
     metadata["imported"] |= {f"{one.column}_assumed": one.unit for one in assumed}
+    if any(one.column == "position" and one.si == "rad" and one.is_without_unit for one in chosen):
+        metadata["imported"]["position_without_unit"] = True
     return metadata | {f"{one.column}_unit": one.si for one in chosen if one.si != COLUMN_UNITS[one.column]}
 
 

@@ -70,6 +70,8 @@ class Table:
     metadata: Mapping[str, Any] = field(default_factory=dict)
     open_episode: Callable[[int], Table] | None = None
     """Reads another run of the file, by its number from 0; None where it holds one.  Raises RecordingError."""
+    rate: tuple[str, float] = ("", 0.0)
+    """What the file calls its rows a second, and how many it says; "" and 0.0 where it does not say it."""
 
     def of_episode(self, episode: int | None) -> Table:
         """The table of this run, or itself for None.  Raises RecordingError."""
@@ -84,10 +86,10 @@ class Table:
         clock = self._clock(choice)
         notes: list[str] = []
         if clock is None:
-            assert choice.rate_hz is not None
+            rate_hz, why = (choice.rate_hz, "as given") if choice.rate_hz else (self.rate[1], f"by {self.rate[0]!r}")
             loaded = self.load(names)
-            times, start = np.arange(max(map(len, loaded.values()))) / choice.rate_hz, None
-            clock_text = f"{choice.rate_hz:g} rows a second, as given"
+            times, start = np.arange(max(map(len, loaded.values()))) / rate_hz, None
+            clock_text = f"{rate_hz:g} rows a second, {why}"
         else:
             series, term = clock
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))
@@ -113,7 +115,7 @@ class Table:
         }
 
     def _clock(self, choice: Choice) -> tuple[Series, Term] | None:
-        """The series with the times; None where a rate was given.  Raises RecordingError."""
+        """The series with the times; None where a rate was given, or stands in the file.  Raises RecordingError."""
         if term := choice.terms.get("time"):
             return named(term, self.series, "", self.name)
         if choice.rate_hz is not None:
@@ -123,6 +125,8 @@ class Table:
         found = self.times
         if clock := self.clock:
             return next((one, Term(one.name)) for one in self.series if one.name == clock)
+        if not found and self.rate[1]:
+            return None
         if not found:
             raise RecordingError(
                 f"{self.name}: found {listed(self.series)}, and no times; {self._in_turn()}{self._advised()}"

@@ -60,7 +60,8 @@ def open_lines(name: str, kind: str, lines: Lines) -> Table:
         lines = partial(_whole, lines)
     lines, turned = upright(unpacked(unlabelled(lines)))
     layout, rows = layout_of(name, lines)
-    text = "text with a series in each row" if turned else f"text separated by {called(layout.separator)}"
+    plain = f"separated by {called(layout.separator)}" if len(layout.header) > 1 else "with one column"
+    text = "text with a series in each row" if turned else f"text {plain}"
     text = "PlotJuggler CSV" if "__time" in layout.header else text
     units = [
         layout.metadata.get(f"{title}_unit") or below for title, below in zip(layout.header, layout.units, strict=True)
@@ -81,7 +82,7 @@ def open_lines(name: str, kind: str, lines: Lines) -> Table:
         return loaded
 
     metadata = {key: value for key, value in layout.metadata.items() if not key.endswith("_unit")}
-    return Table(name, kind or text, series, load, notes, metadata)
+    return Table(name, kind or text, series, load, notes, metadata, rate=layout.rate)
 
 
 def _whole(lines: Lines) -> Iterator[str]:

@@ -22,6 +22,7 @@ import numpy as np
 from lostmotion.drivers.codec.recording_csv import LONGEST_LINE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, is_date, number
+from lostmotion.drivers.formats.preamble import are_settings, rate_above
 from lostmotion.drivers.formats.source import MOST_SERIES, too_many
 from lostmotion.drivers.formats.words import SPELT, column_of, is_time, speed_of
 from lostmotion.drivers.toml_text import TomlError, loads
@@ -73,7 +74,7 @@ Lines = Callable[[], Iterator[str]]
 @dataclass(frozen=True, slots=True)
 class Layout:
     """separator: " " for any blanks; header: the names; units: of a line below it, "" for none; skipped: lines before
-    the rows; metadata: of ``# key = value`` lines, as in lostmotion's own files."""
+    the rows; metadata: of ``# key = value`` lines, as in lostmotion's own files; rate: ``rate_above`` the rows."""
 
     separator: str
     header: Sequence[str]
@@ -82,6 +83,7 @@ class Layout:
     decimal_comma: bool
     dates: frozenset[int]
     metadata: Mapping[str, Any]
+    rate: tuple[str, float] = ("", 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +116,16 @@ def layout_of(name: str, lines: Lines) -> tuple[Layout, list[list[str]]]:
     first = rows.first() if rows.numeric else 1
     before = held[first][0] - 1 if first < len(held) else held[-1][0]
     comments = [line for place, line in numbered if line.lstrip().startswith(COMMENT) and place <= before]
-    header, units = _above(held[:first], before, comments, rows)
+    above = held[:first]
+    if len(above) > 1 and are_settings(above[-2][1], above[-1][1]):
+        above = above[:-2]
+    header, units = _above(above, before, comments, rows)
     if len(header) > MOST_SERIES:
         raise too_many(name, len(header), "columns")
     kept = rows.cells[first:] if held[-1][1].endswith("\n") else rows.cells[first:-1]
     dates = frozenset(i for i in range(len(header)) if is_date(kept, i, rows.comma))
-    layout = Layout(rows.separator, header, units, before, rows.comma, dates, _metadata(comments))
+    rate = rate_above([line for place, line in numbered if place <= before])
+    layout = Layout(rows.separator, header, units, before, rows.comma, dates, _metadata(comments), rate)
     return layout, [row for row in kept if len(row) >= len(header)]
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.recording import Recording
 from lostmotion.lab.data import readings
 from lostmotion.lab.data.checks import LEAST_SAMPLES, check_goal, check_output, check_rate
+from lostmotion.lab.data.degrees import in_degrees
 from lostmotion.lab.data.frequency_response import turned
 from lostmotion.lab.data.rounded_input import rounding_step, smooth_motion
 from lostmotion.lab.data.stand_ins import LENGTHS, imported_columns, is_sampled, with_stand_ins
@@ -167,6 +168,7 @@ def own_rows(values: FloatArray) -> NDArray[np.intp] | None:
 
 def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:
     """The recordings prepared for the base of a model.  Raises ExperimentError for one that cannot be used."""
+    recordings = in_degrees(recordings) if model.base == "joint" else recordings
     of_motor = is_of_motor(np.concatenate([_readings(one, "voltage") for one in recordings] or [np.empty(0)]))
     return turned(model, [_experiment(model, recording, of_motor) for recording in recordings])
 

@@ -10,7 +10,7 @@ before it begins.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "free_states", "is_onward", "with_free_states", "with_scale"]
+__all__ = ["coasts", "direction", "free_states", "is_onward", "with_free_states", "with_scale"]
 
 log = logging.getLogger(__name__)
 
@@ -78,7 +78,7 @@ def _turns_one_way(experiments: Sequence[Experiment]) -> bool:
     """Whether a shaft turns in one direction, the same in all experiments; see ``coasts``."""
     positions = [one.measured.get("position", np.zeros(2)) for one in experiments]
     turned = [coasts(one, e.is_linear) for one, e in zip(positions, experiments, strict=True)]
-    return all(turned) and len({np.sign(one[-1] - one[0]) for one in map(_seen, positions)}) == 1
+    return all(turned) and direction(positions) != 0
 
 
 def coasts(position: FloatArray, is_linear: bool) -> bool:
@@ -94,6 +94,12 @@ def is_onward(position: FloatArray) -> bool:
     position = _seen(position)
     steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
     return abs(float(steps.sum())) > ONWARD * float(np.abs(steps).sum())
+
+
+def direction(positions: Iterable[FloatArray]) -> float:
+    """The direction in which all positions (N,) change, 1.0 or -1.0; 0.0 if they change in both."""
+    ways = {float(np.sign(one[-1] - one[0])) if is_onward(one) else 0.0 for one in map(_seen, positions)}
+    return ways.pop() if len(ways) == 1 else 0.0
 
 
 def _seen(position: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from lostmotion.lab.data.checks import FLAT_SHARE
 from lostmotion.lab.data.experiment import Experiment
 from lostmotion.lab.data.supply import SUPPLIES
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import is_onward
+from lostmotion.lab.fitting.identifiability import direction, is_onward
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
 from lostmotion.lab.results import Fit
 from lostmotion.lab.selection.evidence import Predictions
@@ -179,10 +179,10 @@ def _check_sign(signals: Sequence[Signals]) -> None:
 class _JointFit:
     """A least-squares fit of the usual joint.
 
-    inertia [kg m²]; lost: mean power of viscous and Coulomb friction and of the constant [W]; deviation,
-    lost_deviation: their standard deviations, robust to correlation of the residual within blocks (cluster-robust:
-    Liang and Zeger 1986); residual: (M,) [N m]; rubs: whether friction has more of the torque than the inertia;
-    power: variance of the torque within the band; motion: power of the speed there, also at rest [rad²/s²].
+    inertia [kg m²]; lost: mean power of viscous and Coulomb friction [W], and of the constant where the motion has one
+    direction; deviation, lost_deviation: their standard deviations, robust to correlation of the residual within blocks
+    (cluster-robust: Liang and Zeger 1986); residual: (M,) [N m]; rubs: whether friction has more of the torque than the
+    inertia; power: variance of the torque within the band; motion: power of the speed there, also at rest [rad²/s²].
     """
 
     inertia: float
@@ -262,7 +262,8 @@ class _UsualJoint:
         found = self.inverse @ (self.regressors.T @ torque)
         residual = torque - self.regressors @ found
         scores = np.add.reduceat(self.regressors * residual[:, None], np.arange(BLOCKS) * torque.size // BLOCKS)
-        losing = [1, 2, 5]  # friction, and the constant, of which a motion in one direction does not distinguish it
+        is_one_way = direction(one.experiment.measured[one.column] for one in self.signals)
+        losing = [1, 2, 5] if is_one_way else [1, 2]  # one direction does not distinguish friction from the constant
         wanted = np.zeros((2, found.size))
         wanted[0, 0] = 1 / self.size[0]
         wanted[1, losing] = self.regressors[:, losing].T @ self.regressors[:, 1] * self.size[1] / torque.size

@@ -9,6 +9,7 @@ fits, cross-validated, predict better (selection/evidence.py).
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
@@ -20,7 +21,6 @@ from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.candidates import tried
 from lostmotion.lab.inverse.first_fits import fits_from
-from lostmotion.lab.inverse.fitted import interval
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel
 from lostmotion.lab.inverse.regression import Regression
@@ -36,11 +36,11 @@ log = logging.getLogger(__name__)
 
 
 class Differing(NamedTuple):
-    """The parameter whose estimates from single recordings differ by most standard deviations.
+    """The parameter whose difference from the median of all recordings changes the recording ``odd`` most, to first
+    order; this one gains most by a fit of its own.
 
-    least, most: its smallest and its largest estimate, each with the name of the recording; odd: the recording that
-    gains most by a fit of its own; together, own: root mean square of what it leaves with one fit for all, and with its
-    own, in the unit of the problem.
+    least, most: the smallest and the largest estimate of the parameter, each with the name of the recording; together,
+    own: root mean square of what ``odd`` leaves with one fit for all, and with its own, in the unit of the problem.
     """
 
     name: str
@@ -58,21 +58,22 @@ def warn_of_differing(fit: Regression, signals: Sequence[Signals], floor: float,
         return
     axis = fit.data.axis
     (together, own), unit = quantities(column(fit.data.column, *axis)[1], found.together, found.own)
-    (least, most), own_unit = quantities(
-        of_axis(fit.model.parameters[found.name].unit, *axis), found.least[0], found.most[0]
-    )
+    ends = (found.least[0], found.most[0])
+    apart = (ends[1] - ends[0]) / max(map(abs, ends))
+    digits = 2 + max(math.floor(-math.log10(max(apart, 1e-9))), 0)
+    (least, most), own_unit = quantities(of_axis(fit.model.parameters[found.name].unit, *axis), *ends, digits=digits)
     log.warning(
         "%s: one fit for all recordings leaves %s, a fit of its own %s: %s is %s in %s and %s in %s; were they "
-        "recorded on different machines? Else an effect is missing. Ask about each alone",
+        "recorded on different machines, or with other zeros? Else an effect is missing. Ask about each alone",
         found.odd, with_unit(together, unit), own,
         found.name, with_unit(least, own_unit), found.least[1], most, found.most[1],
     )  # fmt: skip
 
 
 def differing(fit: Regression, signals: Sequence[Signals], floor: float, pool: Executor | None) -> Differing | None:
-    """The parameter that differs most between these recordings, where one of them is predicted significantly better by
-    a fit of its own, and one fit for all is behind that (``policy.BEHIND``).  None where that is not so, where the
-    recordings are parts of one, or where the time is up.  Each has a zero of its own, which is no difference.
+    """A parameter that differs between these recordings, where one of them is predicted significantly better by a fit
+    of its own, and one fit for all is behind that (``policy.BEHIND``).  None where that is not so, where the recordings
+    are parts of one, or where the time is up.
 
     fit: of the model, which these fits begin at; floor: root mean square of the noise.
     """
@@ -90,15 +91,9 @@ def differing(fit: Regression, signals: Sequence[Signals], floor: float, pool: E
     is_behind = rms(together) > policy.BEHIND * rms(own.predicted)
     if not (is_behind and evidence.is_better(len(fits))):
         return None
-    z = np.array([one.z for one in fits])
-    deviations = [interval(one, floor)[0] for one in fits]
-    weight = 1 / np.maximum(deviations, 1e-100) ** 2
-    mean = np.sum(weight * z, axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
-    away = dict(zip(fit.unknowns.names, np.sum(weight * (z - mean) ** 2, axis=0), strict=True))
-    sizes = [one for one in away if one != "bias" and fit.model.parameters[one].unit != "rad"]
-    if not sizes:
-        return None
-    name = max(sizes, key=lambda one: away[one])
+    away = own.z - np.median([one.z for one in fits], axis=0)
+    changed = np.abs(away) * np.linalg.norm(own.jacobian[:, : own.count], axis=0)
+    name = own.unknowns.names[int(np.argmax(changed))]
     values = sorted(zip((one.model.parameters[name].value for one in fits), names, strict=True))
     return Differing(name, values[0], values[-1], names[odd], rms(together), own.error)
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.energy import GAIN, LOSS, energy_gain, energy_loss
+from lostmotion.lab.data.energy import energy_gain, energy_loss, gains_energy, loses_none
 from lostmotion.lab.data.experiment import ACCEL, Experiment
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.lab.fitting.identifiability import coasts, is_onward
@@ -85,20 +85,20 @@ def _check_energy(signals: Signals, part: _FreePart) -> None:
     free = (signals.time >= part.begins) & (signals.time <= part.ends)
     position, velocity = signals.position[free], signals.velocity[free]
     gain, (loss, passages) = energy_gain(position, velocity), energy_loss(position, velocity)
-    if gain > GAIN:
+    if gains_energy(gain, loss):
         raise ExperimentError(
             f"{signals.experiment.name}: found a motion that gains energy, as no free one does (where it passes a "
             f"place again, the square of its speed is larger by up to {100 * gain:.0f} % of the largest), and nothing "
             "that drives it; expected what does: choose its series with --map torque=SERIES (or current=, voltage=), "
             "or cut out the part that moves by itself"
         )
-    if loss < LOSS and (said := signals.experiment.left_drive):
+    if loses_none(loss) and (said := signals.experiment.left_drive):
         raise ExperimentError(
             f"{signals.experiment.name}: found a motion that passes a place {passages} times and loses no energy, as "
             f"one that is driven, and a command that is not used: {said}; if it moves freely all the same, use "
             "--map torque="
         )
-    if loss < LOSS:
+    if loses_none(loss):
         log.warning(
             "%s: passes a place %d times and loses no energy, as a motion that is driven; if something drives it, "
             "choose its series with --map torque=SERIES (or current=, voltage=)",

@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
-from lostmotion.lab.fitting.identifiability import is_onward
+from lostmotion.lab.fitting.identifiability import direction
 from lostmotion.lab.quantity import Interval, number, quantities, quantity, with_unit
 from lostmotion.lab.results import Displayed, Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
 from lostmotion.model.effects import get_effect
@@ -118,8 +116,7 @@ def _constant(explanation: Explanation) -> list[str]:
     what, _ = words.column("torque", *axis_of(shown))
     size = Interval(found.value, found.low, found.high, found.unit)
     angles = [one.measured["position"] for one in shown if "position" in one.measured]
-    ways = {float(np.sign(angle[-1] - angle[0])) if is_onward(angle) else 0.0 for angle in angles}
-    why = ": dry friction, as the motion has one direction, or" if ways in ({1.0}, {-1.0}) else ", or is"
+    why = ": dry friction, as the motion has one direction, or" if direction(angles) else ", or is"
     return [f"A constant {what} of {size}, acts as well{why} the zero of what was recorded."]
 
 

@@ -283,3 +283,25 @@ def test_a_band_has_most_of_the_motion() -> None:
     recorded = [flexible(seed) for seed in (1, 2)]
     widest = max(Signals.of(one).band_hz for one in recorded)
     assert Channel.of(recorded).band_hz > widest / 2
+
+
+def hoist(seed: int, turn: float, load: float, *legs: tuple[float, float]) -> Experiment:
+    """A winch that lifts (legs of a speed and a time [s], half a second to change it) against a load [A] and dry
+    friction of 1.4 A, whose current is counted against the angle; turn: the unit of the angle."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, sum(leg[1] for leg in legs), 0.03)
+    ends = np.cumsum([leg[1] for leg in legs])
+    wanted = np.array([leg[0] for leg in legs])[np.searchsorted(ends, time, side="right")]
+    speed = np.convolve(np.pad(wanted, 8, mode="edge"), np.ones(17) / 17, mode="valid")
+    current = load - 1.4 * np.sign(speed) + np.where(speed == 0, 0.1, 0.8) * rng.standard_normal(time.size)
+    angle = turn * (np.cumsum(speed) * 0.03 + 1e-4 * rng.standard_normal(time.size))
+    return Experiment(f"hoist{seed}.csv", Sampled(time, current), time, {"position": angle})
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.0, 4.0, 2 * math.pi, 20.0])
+def test_a_load_does_not_tell_the_sign_of_the_torque(turn: float) -> None:
+    """A winch ends higher than it began.  The work on its load counted as that of friction, and friction drove in one
+    unit of the angle, but not in another one."""
+    up, down, still = (0.5, 18.0), (-0.5, 18.0), (0.0, 5.0)
+    for load in (-17.0, 17.0):
+        recorded = [hoist(seed, turn, load, still, leg, still) for seed, leg in enumerate((up, down, up))]
+        assert Channel.of(recorded).is_reversed

@@ -14,7 +14,7 @@ from lostmotion.drivers.recording import Recording
 from tests.lab.inverse.test_inverse import explained, robot
 
 NOISE_M = 2e-4
-SAID = "were they recorded on different machines?"
+SAID = "were they recorded on different machines"
 
 
 def mass(seed: int, hz: float, damping: float = 0.05) -> Recording:
@@ -48,3 +48,12 @@ def test_joints_of_robots(inertia: float, tmp_path: Path, caplog: pytest.LogCapt
     with caplog.at_level(logging.WARNING):
         explained(tmp_path, 'base = "joint"\n', [recordings[0], replace(recordings[1], columns=heavy), recordings[2]])
     assert (SAID in caplog.text) is (inertia > 1)
+
+
+def test_another_zero_of_the_torque(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """What differs is told by what it changes: a constant of 2 N m, and no friction that takes its place."""
+    recordings = [replace(robot(seed), name=f"r{seed}.csv") for seed in (1, 2, 3)]
+    moved = {**recordings[1].columns, "torque": recordings[1].columns["torque"] + 20.0}
+    with caplog.at_level(logging.WARNING):
+        explained(tmp_path, 'base = "joint"\n', [recordings[0], replace(recordings[1], columns=moved), recordings[2]])
+    assert re.search(r"bias is \S+ N m in \S*r\d.csv and \S+ in \S*r\d.csv; were they recorded on", caplog.text)

@@ -262,6 +262,20 @@ def test_what_gains_energy_is_driven(frequencies: tuple[float, float], tmp_path:
         assert ("gains energy, as no free one does" in result.output) == (code == 2)
 
 
+@pytest.mark.parametrize("decay", [0.01, 0.0])
+def test_a_swing_that_trades_energy_with_another_one(decay: float, tmp_path: Path) -> None:
+    """A pendulum whose support yields passes a place faster than before, for a while, and dies away all the same; one
+    that does not die away is driven."""
+    time = np.arange(3000) / 50
+    angle = np.exp(-decay * time) * (np.sin(4.2 * time) + 0.14 * np.exp(-0.5 * decay * time) * np.sin(5.0 * time))
+    path = tmp_path / "film.csv"
+    noisy = 0.2 * angle + np.random.default_rng(2).normal(0, 1e-3, time.size)
+    np.savetxt(path, np.stack([time, noisy], axis=1), "%.6f", ",", header="time,position", comments="")
+    result = call("lab", "compare", "joint", path)
+    assert (result.exit_code == 2) == (decay == 0), result.output
+    assert ("gains energy, as no free one does" in result.output) == (decay == 0)
+
+
 @pytest.mark.parametrize("motion", ["triangle", "sine", "swing", "short"])
 def test_what_loses_no_energy_may_be_driven(motion: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A piston that is pushed to and fro at one speed gains no energy, but loses none either; a pendulum with a quality
