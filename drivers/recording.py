@@ -10,6 +10,7 @@ import csv
 import io
 import logging
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -173,13 +174,18 @@ def read_recording(
         found = imported(path, replace(choice, hint=joint, is_linear=is_linear))
         known = set() if told is None else told
         head, *lines = found.lines()
-        new = [line for line in lines if line not in known]
+        new = [line for line in lines if _key(line) not in known]
         if new or told is None:
             log.warning("%s", "\n".join([head, *new]))
-        known.update(new)
+        known.update(map(_key, new))
         recording = found.recording
     _check_scale(recording)
     return recording
+
+
+def _key(line: str) -> str:
+    """What makes a line about a file different from that about another one: of an assumed unit not the numbers."""
+    return re.sub(r"\d[\d.e+-]*", "", line) if "no unit is given, and" in line else line
 
 
 def _warn_of_units(recording: Recording) -> None:

@@ -280,10 +280,11 @@ def longest_part(name: str, column: str, time: FloatArray, values: FloatArray) -
             f"{last - first} of {time.size} rows in the longest part without one: cut out one motion, or resample it"
         )
     if gaps.size:
-        widest = gaps[np.argmax(spacing[gaps])]
+        beside = [gap for gap in (first - 1, last - 1) if gap in gaps]
+        told = " and ".join(f"{spacing[gap]:.3g} s at {time[gap]:g} s" for gap in beside)
         log.warning(
-            "%s: %s has a gap of %.3g s at %g s, more than %g sample spacings: used from %g to %g s; cut the "
+            "%s: %s has a gap of %s, more than %g sample spacings: used from %g to %g s; cut the "
             "recording in two there to use all of it",
-            name, column, spacing[widest], time[widest], LONGEST_GAP, time[first], time[last - 1],
+            name, column, told, LONGEST_GAP, time[first], time[last - 1],
         )  # fmt: skip
     return slice(first, last)

@@ -357,6 +357,17 @@ def test_the_longest_part_without_a_gap_is_used(caplog: pytest.LogCaptureFixture
     assert "used from 0.425 to 1 s" in caplog.text
 
 
+def test_the_gaps_beside_the_part_that_is_used(caplog: pytest.LogCaptureFixture) -> None:
+    """A wider gap elsewhere is not what ends it."""
+    times = np.arange(1200) / 100
+    times[100:] += 5.0
+    times[500:] += 0.4
+    torque = np.sin(times)
+    experiments(build_model("joint"), [Recording(times, {"position": torque, "torque": torque}, name="arm.csv")])
+    assert "torque has a gap of 0.41 s at 9.99 s" in caplog.text
+    assert "5.01" not in caplog.text
+
+
 def test_a_recording_that_is_mostly_gaps_is_refused() -> None:
     """Sixty bursts of up to a second, seconds apart: the longest would be a thirtieth of the recording."""
     rng, time, start = np.random.default_rng(3), list[float](), 0.0
