@@ -18,7 +18,7 @@ from lostmotion.lab.data.frequency_response import spectral_lines, usual_torque
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.fitting.identifiability import with_free_states
-from lostmotion.lab.inverse.effect_sizes import exceeds_noise, torque_exceeds_noise
+from lostmotion.lab.inverse.effect_sizes import driven_exceeds_noise, exceeds_noise
 from lostmotion.lab.inverse.first_values import guesses, initial_point, scant_guesses, turns_of
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import EquationError, InverseModel, Problem
@@ -186,11 +186,12 @@ def _fitted_from_guesses(name: str, wide: Model, now: Regression) -> Regression 
     begin = [wide.replace(values) for values in initial_guesses(wide, name, size)]
     data = now.data.suited(begin)
     most = SHORT if isinstance(data, OutputError) else MOST_STEPS
-    scant = scant_guesses(name, begin, now, data)[:STARTS] if torque_exceeds_noise(now) else []
+    scant = scant_guesses(name, begin, now, data)[:STARTS] if driven_exceeds_noise(now) else []
     for guess in (*scant, *guesses(name, begin, now, data)[:STARTS]):
         start, nuisance = initial_point(name, guess, now, data)
         fit = None if is_over() else tried(start, [data], nuisance, most)
-        if fit and are_consistent(fit.model, [name]) and not (guess in scant and torque_exceeds_noise(fit)):
+        fit = settled(fit) if fit and guess in scant else fit
+        if fit and are_consistent(fit.model, [name]) and not (guess in scant and driven_exceeds_noise(fit)):
             return fit
     return None
 

@@ -24,7 +24,7 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.motion import FloatArray
 
 __all__ = [
-    "amplitudes", "chance_of_zero", "disagree", "exceeds_noise", "is_sized", "shares", "torque_exceeds_noise",
+    "amplitudes", "chance_of_zero", "disagree", "driven_exceeds_noise", "exceeds_noise", "is_sized", "shares",
     "uncertainty",
 ]  # fmt: skip
 
@@ -123,12 +123,13 @@ def exceeds_noise(fit: Regression) -> bool:
     return isinstance(data, OutputError) and fit.error > policy.STRUCTURED * noise
 
 
-def torque_exceeds_noise(fit: Regression) -> bool:
-    """Whether a measured torque leaves more than its noise and that of the torque that the measured motion needs."""
+def driven_exceeds_noise(fit: Regression) -> bool:
+    """Whether a motion that an input drives leaves more than noise: of a measured torque its own, and that of the torque
+    that the measured motion needs; of a simulated motion that of its sensor."""
     data = fit.data
-    if data.column != InverseModel.column:
-        return False
-    return fit.error > policy.STRUCTURED * max(noise_floor(one, fit.model) for one in data.signals)
+    if data.column == InverseModel.column:
+        return fit.error > policy.STRUCTURED * max(noise_floor(one, fit.model) for one in data.signals)
+    return data.is_driven and exceeds_noise(fit)
 
 
 def _is_shaped(effect: str, fit: Regression) -> bool:
