@@ -50,27 +50,38 @@ def nearest(guess: Guess, values: Mapping[str, Part]) -> Guess:
     return replace(guess, columns=columns, notes=notes)
 
 
-def goals(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series]) -> list[str]:
-    """A warning where the input that counts as the motor's voltage is the goal that the position follows."""
-    by_column = {one.column: (one, part) for one, part in zip(chosen, parts, strict=True)}
-    moved = [found for column, found in by_column.items() if column in MOTIONS]
-    if "voltage" not in by_column or not moved:
-        return []
-    (one, (times, values)), (motion, (_, angle)) = by_column["voltage"], moved[0]
-    if not one.why.startswith("the motor's input") or values.size != angle.size:
-        return []
+def goals(
+    chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series]
+) -> tuple[list[Chosen], list[Part], list[str]]:
+    """The columns and their times and values, with an input that would count as the motor's voltage, and is the goal
+    that the position follows, as the command; and what a person should know."""
+    kept, moved = list(chosen), [at for at, one in enumerate(chosen) if one.column in MOTIONS]
+    inputs = [
+        at for at, one in enumerate(chosen) if one.column == "voltage" and one.why.startswith("the motor's input")
+    ]
+    if not inputs or not moved:
+        return kept, list(parts), []
+    (at, *_), (of, *_) = inputs, moved
+    one, (times, values), motion, (_, angle) = kept[at], parts[at], kept[of], parts[of]
+    if values.size != angle.size:
+        return kept, list(parts), []
     gains = follows(times, values, angle / motion.factor), _settles(values, angle / motion.factor)
     gain = min(gains, key=lambda each: abs(each - 1))
     if abs(gain - 1) > NEAR:
-        return []
+        return kept, list(parts), []
     taken = {each.series for each in chosen}
     others = [
         each.name for each in series if each.name not in taken and not (is_time(each.name) or column_of(each.name))
     ]
     drive = next((name for name in others if SPEED_LETTER.fullmatch(name)), "SERIES")
-    said = f"{shown(motion.series)} follows {shown(one.series)} as a goal, with a gain of {gain:.2f}"
-    servo = f"for the base servo use {mapped('command', one.series)} --map voltage="
-    return [f"voltage: {said}: it is hardly one; {servo}, or give what drives it: {mapped('voltage', drive)}"]
+    why = f"{shown(motion.series)} follows it with a gain of {gain:.2f}"
+    kept[at] = replace(motion, column="command", series=one.series, why=why)
+    goal = (times, values / one.factor * motion.factor)
+    said = (
+        f"command: {shown(one.series)} is taken as the goal, as {why}; if it drives the motor, use "
+        f"{mapped('voltage', one.series)}, or give what drives it: {mapped('voltage', drive)}"
+    )
+    return kept, [goal if place == at else part for place, part in enumerate(parts)], [said]
 
 
 def follows(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:

@@ -16,6 +16,7 @@ from lostmotion.drivers.formats.words import (
     UNNAMED,
     column_of,
     is_angle,
+    is_angular,
     is_commanded,
     is_error,
     is_estimated,
@@ -386,10 +387,16 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     found = [(one, unit) for one in series if (unit := speed_of(one.name)) is not None]
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
+    notes = []
+    if not (one.unit or unit) and is_angular(one.name):
+        unit, degrees = "rad/s", mapped("position", one.name, ":deg/s")
+        notes = [f"position: no unit is given, and {shown(one.name)} is taken in rad/s; else use {degrees}"]
     if len(own) != 1 or not (one.unit or unit):
         told = f"{NO_MOTION}{mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed"
         return {}, [told] * bool(found)
-    return {"position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")}, []
+    return {
+        "position": _chosen("position", one, Term(one.name, one.unit or unit), "a speed, as there is no angle")
+    }, notes
 
 
 def _along_a_line(chosen: Mapping[str, Chosen], series: Sequence[Series]) -> dict[str, Chosen]:

@@ -14,7 +14,9 @@ __all__ = ["are_settings", "rate_above"]
 
 SIGNS = re.compile(r"[,;\t|]")
 """between the cells of such lines"""
-RATE = re.compile(r"(sampl\w*|scan|frame|data|acquisition)[ _-]*(rate|freq(uency)?)|fs|fps|rate_hz|samplerate", re.I)
+RATE = re.compile(
+    r"(sampl\w*|actual|scan|frame|data|acquisition)[ _-]*(rate|freq(uency)?)|fs|fps|rate_hz|samplerate", re.I
+)
 INTERVAL = re.compile(
     r"(sampl\w*|scan|frame|data)[ _-]*(interval|period|time)|delta[ _]?[xt]|time[ _-]*(step|interval)|dt|ts", re.I
 )

@@ -74,9 +74,9 @@ def imported(path: Path, choice: Choice) -> Imported:
     kept = _of_axis(kept)
     kept, parts, of_speed = by_speed(kept, parts, samples.values, _speeds(guess, source))
     kept, parts, told = in_degrees(kept, parts, source.series)
-    left_drive = unused(kept, parts, source.series)
+    kept, parts, of_goal = goals(kept, parts, source.series)
+    left_drive = of_goal or unused(kept, parts, source.series)
     notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *left_drive]
-    notes += goals(kept, parts, source.series)
     counting = source.counting if isinstance(source, Table) else ()
     if left := unnamed(kept, source.series, {clock, *counting}):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
@@ -84,6 +84,7 @@ def imported(path: Path, choice: Choice) -> Imported:
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     if left_drive and not POWERS & {*choice.terms}:
         metadata["imported"]["left_drive"] = left_drive[0]
+        metadata["imported"] |= {"follows_goal": True} if of_goal else {}
     if left_motion := [note for note in guess.notes if note.startswith(NO_MOTION)]:
         metadata["imported"]["left_motion"] = left_motion[0].removeprefix(NO_MOTION)
     parts, told = held(kept, parts)

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
 __all__ = [
-    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_asked_speed",
-    "is_commanded", "is_error", "is_estimated", "is_gyroscope", "is_input", "is_other", "is_reached", "is_run",
-    "is_sent", "is_time", "joint_of", "puts_out", "rate_of", "says_nothing", "speed_of", "time_rank", "unit_of",
-    "without_joint",
+    "SPEED_LETTER", "SPELT", "UNNAMED", "axis_of", "column_of", "ends_in_time", "is_angle", "is_angular",
+    "is_asked_speed", "is_commanded", "is_error", "is_estimated", "is_gyroscope", "is_input", "is_other",
+    "is_reached", "is_run", "is_sent", "is_time", "joint_of", "puts_out", "rate_of", "says_nothing", "speed_of",
+    "time_rank", "unit_of", "without_joint",
 ]  # fmt: skip
 
 COMMAND = {
@@ -241,6 +241,11 @@ def speed_of(name: str) -> str | None:
     words = set(_words(name))
     unit = _unit_of_speed(name)
     return None if not (words & SPEED or unit) or words & (OTHER - SPEED - OF_SPEED | COMMAND) else unit
+
+
+def is_angular(name: str) -> bool:
+    """Whether a name is that of an angle's rate in general, and none of a sensor's: ``angular_velocity``, ``omega``."""
+    return bool({*_words(name)} & {"angular", "omega"})
 
 
 def is_asked_speed(name: str) -> bool:

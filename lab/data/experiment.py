@@ -174,6 +174,7 @@ def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experime
 
 
 def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:
+    recording = readings.without_stopped_end(recording)
     recording = _without_zeros(with_stand_ins(recording, model.base, OUTPUTS[model.base]), INPUT[model.base])
     outputs = _outputs(recording, model.base)
     if "position" in outputs and recording.metadata.get("position_unit") not in LENGTHS:
@@ -192,7 +193,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
     rows &= readings.rows_of_base(recording, model.base, drive is None)
     time = recording.time.copy()
     time[rows] = recording.times(rows)
-    rows[1:] &= np.diff(time) > 0  # a merged row may repeat a time
+    rows[rows] = np.diff(time[rows], prepend=-np.inf) > 0  # a merged row may repeat a time
     if isinstance(drive, Sampled):  # the input is unknown outside of its samples
         rows &= (time >= drive.time[0]) & (time <= drive.time[-1])
     measured = {name: recording.columns[name][rows] for name in outputs}
@@ -307,6 +308,8 @@ def _input(base: str, recording: Recording, of_motor: bool) -> str:
             "--map torque=SERIES*%s they are in N m%s", recording.name, instead, *IN_PLACE[instead][1:],
         )  # fmt: skip
         return instead
+    if base == "joint" and imported_columns(recording).get("follows_goal"):
+        raise ExperimentError(f"{recording.name}: {imported_columns(recording)['left_drive']}")
     if beside := [name for name in ("command", "current", "voltage") if is_sampled(recording, name)]:
         why, series = ("", "SERIES") if of_motor or "voltage" not in beside else supplied(recording)
         log.warning(

@@ -82,6 +82,9 @@ NO = ("0", "0.0", "false", "off")
 SLOWEST = 2.0
 """Samples a second.  No motion of a robot shows at fewer (167 published recordings have 10 to 1024); 1000 a second in
 milliseconds are 1."""
+STOPPED = 20
+"""Times as many rows with one time as elsewhere in the recording, from which on the clock had stopped: 250 rows, with
+two elsewhere, at the end of an actuator's log.  A computer that stamps lines as it reads them does so throughout."""
 log = logging.getLogger(__name__)
 
 
@@ -132,6 +135,26 @@ def without_held_readings(recording: Recording, outputs: Sequence[str], driver: 
     if seen is not None and driver in columns and _changes_with(columns[driver], seen):
         columns[driver] = _only(columns[driver], seen)
     return replace(recording, columns=columns)
+
+
+def without_stopped_end(recording: Recording) -> Recording:
+    """The recording without the rows at its end that have one time, where elsewhere far fewer have one, as those of a
+    logger do whose clock has stopped; a warning says it."""
+    runs = np.diff(np.concatenate([[-1], np.flatnonzero(np.diff(recording.time)), [recording.time.size - 1]]))
+    if runs[-1] < STOPPED * max(runs[:-1].max(initial=1), 1):
+        return recording
+    size = recording.time.size - int(runs[-1]) + 1
+    log.warning(
+        "%s: the last %d rows have one time, %.6g s, and are left out but for the first: had the clock of the logger "
+        "stopped?",
+        recording.name, runs[-1], recording.time[-1],
+    )  # fmt: skip
+    return replace(
+        recording,
+        time=recording.time[:size],
+        columns={name: values[:size] for name, values in recording.columns.items()},
+        extra={name: values[:size] for name, values in recording.extra.items()},
+    )
 
 
 def held_for(values: FloatArray) -> int:

@@ -124,8 +124,8 @@ def exceeds_noise(fit: Regression) -> bool:
 
 
 def driven_exceeds_noise(fit: Regression) -> bool:
-    """Whether a motion that an input drives leaves more than noise: of a measured torque its own, and that of the torque
-    that the measured motion needs; of a simulated motion that of its sensor."""
+    """Whether a motion that an input drives leaves more than noise: that of a measured torque and of the torque which
+    the measured motion needs, or of a simulated motion that of its sensor."""
     data = fit.data
     if data.column == InverseModel.column:
         return fit.error > policy.STRUCTURED * max(noise_floor(one, fit.model) for one in data.signals)

@@ -90,8 +90,8 @@ def scant_guesses(name: str, shapes: Sequence[Model], now: Regression, data: Pro
     more, but not all.
 
     Such a wave can imitate much of any slow torque, but only the right one leaves no more than noise, where more is
-    left without it.  Simulated joints that cover 0.84 and 1.4 periods (seeds 9710, 9720 of ``bench.driven_motions``) got
-    a weight and a spring, with 70 times the noise left; of nine servos five did not have their ripple.
+    left without it.  Simulated joints that cover 0.84 and 1.4 periods (seeds 9710, 9720 of ``bench.driven_motions``)
+    got a weight and a spring, with 70 times the noise left; of nine servos five did not have their ripple.
     """
     if all("N" not in one.own(name) for one in shapes):
         return []

@@ -18,7 +18,7 @@ from lostmotion.lab.shooting.parameters import Unknown, Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Objective", "prior_of", "scaled"]
+__all__ = ["Objective", "possible", "prior_of", "scaled"]
 
 PRIOR = 0.1
 """Weight of the prior on the base's parameters while a fit is far off: a factor e costs as much as one sample with an
@@ -33,6 +33,9 @@ LEAST_SCALE = 0.01
 LARGEST_BIAS = 2.0
 """Largest constant torque, as a share of the largest torque.  Without this bound a constant torque and a ripple 2000
 times as large as the torque followed the motion of a flexible arm."""
+LARGEST = 1e3
+"""Largest torque of an effect in a motion without an input, in those of the inertia.  A step of a fit to a wheel that
+coasts for 230 s asked for 1e11 of them, whose stiff motion took 40 s to simulate."""
 
 
 @dataclass(eq=False)
@@ -40,7 +43,8 @@ class Objective:
     """The residual of a problem and of the prior at z (P + E,), the parameters and the nuisance parameters, and its
     Jacobian, for a minimiser; both in units of the signal, ``usual``.
 
-    weight, near: (P,), weights and centres of the prior; high: the upper bounds of z (P + E,); known: where the
+    weight, near: (P,), weights and centres of the prior; high: the upper bounds of z (P + E,); most: see ``possible``,
+    beyond which a step is not simulated; known: where the
     Jacobian was evaluated last, with the residual (M + P,) and the Jacobian (M + P, P + E) there.
     """
 
@@ -51,6 +55,7 @@ class Objective:
     weight: FloatArray
     near: FloatArray
     high: FloatArray
+    most: FloatArray
     known: tuple[FloatArray, FloatArray, FloatArray] | None = None
     _latest: tuple[FloatArray, FloatArray] | None = None
 
@@ -58,7 +63,9 @@ class Objective:
         """The residual (M + P,); the last one is kept, as a step is evaluated to be judged, and again for its
         derivatives."""
         if self._latest is None or not np.array_equal(self._latest[0], z):
-            self._latest = z.copy(), self._residuals([z])[0]
+            is_possible = not self.known or (np.abs(self.unknowns.values(z)) <= self.most).all()
+            found = self._residuals([z])[0] if is_possible else np.full(sum(self.data.counts) + self.near.size, np.nan)
+            self._latest = z.copy(), found
         return self._latest[1]
 
     def _residuals(self, every: Sequence[FloatArray]) -> FloatArray:
@@ -116,22 +123,9 @@ def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
     largest torque, or of a radian, and its square of the torque for what is multiplied by the motion: weak damping has
     a thousandth of the torque of a swing.  One that a fit left at nearly zero, as damping beside the drag that explains
     it, would stay there.  The constant torque of a joint is bounded by ``LARGEST_BIAS``."""
-    moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
-    torque = max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
-    speed, place = (
-        max(float(np.ptp(values)) for values in parts) / 2
-        for parts in ([one.velocity for one in data.signals], [one.position for one in data.signals])
-    )
-    usual = {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE} | {
-        unit: LEAST_SCALE**2 * torque / motion if motion else 0.0
-        for units, motion in (
-            (("N m s/rad", "N s/m"), speed),
-            (("N m s^2/rad^2", "N s^2/m^2"), speed**2),
-            (("N m/rad",), place),
-            (("N/m^3",), place**3),
-        )
-        for unit in units
-    }
+    torque = _largest_torque(model, data)
+    usual = {unit: LEAST_SCALE**2 * size for unit, size in _per_motion(torque, data).items()}
+    usual |= {"N m": LEAST_SCALE * torque, "N": LEAST_SCALE * torque, "rad": LEAST_SCALE}
     items = [
         item
         if item.logarithmic
@@ -140,6 +134,34 @@ def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
     ]
     most = LARGEST_BIAS * torque if model.base == "joint" else math.inf
     return replace(unknowns, items=tuple(_within(item, most) if item.name == "bias" else item for item in items))
+
+
+def possible(unknowns: Unknowns, model: Model, data: Problem) -> FloatArray:
+    """The largest values of the parameters (P,) that are simulated: ``LARGEST`` times the torque of a motion that no
+    input drives, or what has it."""
+    torque = _largest_torque(model, data)
+    most = {"N m": torque, "N": torque} | _per_motion(torque, data)
+    units = [model.parameters[name].unit for name in unknowns.names]
+    return np.array([math.inf if data.is_driven else LARGEST * most.get(unit, math.inf) for unit in units])
+
+
+def _largest_torque(model: Model, data: Problem) -> float:
+    """The largest torque [N m] or force [N] of the inertia, or of those that were measured."""
+    moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
+    return max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
+
+
+def _per_motion(torque: float, data: Problem) -> dict[str, float]:
+    """By its unit, what has this torque [N m] or force [N] at the largest speed, or farthest from the middle."""
+    speed, place = (
+        max(float(np.ptp(values)) for values in parts) / 2
+        for parts in ([one.velocity for one in data.signals], [one.position for one in data.signals])
+    )
+    units = {
+        "N m s/rad": speed, "N s/m": speed, "N m s^2/rad^2": speed**2, "N s^2/m^2": speed**2, "N m/rad": place,
+        "N/m^3": place**3,
+    }  # fmt: skip
+    return {unit: torque / motion for unit, motion in units.items() if motion}
 
 
 def _within(item: Unknown, most: float) -> Unknown:

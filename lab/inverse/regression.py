@@ -19,7 +19,7 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import correlation, numbered
 from lostmotion.lab.data.series import rms
 from lostmotion.lab.deadline import FitEndsError
-from lostmotion.lab.inverse.free_parameters import Objective, prior_of, scaled
+from lostmotion.lab.inverse.free_parameters import Objective, possible, prior_of, scaled
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.signals import Signals
 from lostmotion.lab.shooting.parameters import Unknowns
@@ -274,7 +274,8 @@ def _minimised(
     and centres of the prior."""
     count, size, usual = len(unknowns.items), sum(data.counts), _signal_rms(data, model)
     bounds = _bounds(unknowns, data)
-    objective = Objective(model, data, unknowns, usual, weight, near, bounds[1])
+    most = possible(unknowns, model, data)
+    objective = Objective(model, data, unknowns, usual, weight, near, bounds[1], most)
     if not np.isfinite(objective.residual(z)).all():
         raise ModelError("the motion cannot be simulated with the first values of the parameters")
     with np.errstate(all="ignore"), suppress(FitEndsError):  # a trial step may be far off: its error is compared

@@ -151,6 +151,10 @@ class Unknowns:
         """The vector of the values of a model (P,)."""
         return np.array([item.z(model.parameters[item.name].value) for item in self.items])
 
+    def values(self, z: FloatArray) -> FloatArray:
+        """The values of the parameters (P,) at z, of which the first P count."""
+        return np.array([item.value(float(x)) for item, x in zip(self.items, z, strict=False)])
+
     def put(self, model: Model, z: FloatArray) -> Model:
         """The model with the values of a vector (P,).  Raises ModelError for values that are physically impossible."""
         return model.replace({item.name: item.value(float(x)) for item, x in zip(self.items, z, strict=True)})

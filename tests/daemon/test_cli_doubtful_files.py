@@ -153,6 +153,8 @@ def test_numbers_that_agree_are_one_rate(tmp_path: Path) -> None:
     said = told(path, "--map", "force=Input", "--map", "displacement=Output")
     assert "500 rows a second, as Ts and fs say" in said
     assert "--map displacement=Output, and a force --map force=Input (m;" in explained("oscillator", path)
+    scipy.io.savemat(path, {"data": 0.2 * SWING, "ActualRate": 1000.0, "duration": 30.0})
+    assert "1000 rows a second, as ActualRate says" in told(path)
     scipy.io.savemat(path, held | {"fs": 100.0})
     assert "give the rows a second" in told(path, "--map", "displacement=Output", "-o", str(tmp_path / "x.csv"))
 
@@ -195,9 +197,24 @@ def test_an_input_at_which_the_angle_settles_is_a_goal(tmp_path: Path) -> None:
     step, since = 100.0 * (T >= 1), np.maximum(T - 1, 0)
     settled = np.rint(100 * (1 - np.exp(-3 * since) * (np.cos(9 * since) + np.sin(9 * since) / 3)))
     path = table(tmp_path / "step.csv", T, step, step - settled, settled, head="t,u,v,theta")
-    assert "theta follows u as a goal, with a gain of 1.00: it is hardly one" in told(path)
+    said = (
+        "u is taken as the goal, as theta follows it with a gain of 1.00; if it drives the motor, use --map voltage=u"
+    )
+    assert said in told(path)
+    assert "command = u  (rad" in told(path)
+    assert f"{said}, or give what drives it: --map voltage=v" in explained("joint", path)
     table(path, T, step, step - settled, 20 * since, head="t,u,v,theta")
-    assert "as a goal" not in told(path)
+    assert "as the goal" not in told(path)
+
+
+def test_an_angular_velocity_is_in_rad_a_second(tmp_path: Path) -> None:
+    """As a position without a unit is in rad; the speed of a line, or of a motor, may be in any unit."""
+    path = table(tmp_path / "gyro.csv", T, np.cos(5 * T), head="time,angular_velocity")
+    said = told(path)
+    assert "position = angular_velocity  (rad/s, now rad; a speed, as there is no angle)" in said
+    assert "taken in rad/s; else use --map position=angular_velocity:deg/s" in said
+    table(path, T, np.cos(5 * T), head="time,velocity")
+    assert "in rad/s" not in told(path)
 
 
 def test_readings_that_are_cut_off_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -337,6 +337,21 @@ def test_rounded_times_of_the_outputs_are_evened() -> None:
     assert np.diff(one.time) == pytest.approx(1 / 30, rel=0.03)
 
 
+def test_a_clock_that_stops_at_the_end(caplog: pytest.LogCaptureFixture) -> None:
+    """An actuator's log repeated each reading 15 times, and its clock stood for the last 250 rows.  Of 745 readings
+    four were used, as evened times were compared with those of the rows between them."""
+    count, read = 11_000, 15
+    times = np.minimum(np.round(np.arange(count) * 1e-3, 3), 10.75)
+    angle = np.sin(4 * (np.arange(count) // read * read) * 1e-3)
+    torque = np.cos(4 * np.arange(count) * 1e-3)
+    (one,) = experiments(
+        build_model("joint"), [Recording(times, {"position": angle, "torque": torque}, name="arm.csv")]
+    )
+    assert one.time.size == pytest.approx(10.75 / (read * 1e-3), abs=3)
+    assert np.diff(one.time) == pytest.approx(read * 1e-3, rel=0.2)
+    assert "the last 250 rows have one time, 10.75 s, and are left out" in caplog.text
+
+
 def test_a_torque_is_not_held_in_a_gap(caplog: pytest.LogCaptureFixture) -> None:
     """One that is the same on both sides by chance: an actuator's log began with a reading of 0.4 s before, of another
     angle, and left 138 N m instead of 0.31."""

@@ -10,6 +10,7 @@ from lostmotion.drivers.recording import Recording
 from lostmotion.lab import experiments
 from lostmotion.lab.inverse.candidates import sizes_of
 from lostmotion.lab.inverse.first_values import _possible, guesses, initial_point
+from lostmotion.lab.inverse.free_parameters import Objective, possible
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.regression import Regression, regressed
 from lostmotion.lab.inverse.signals import Signals
@@ -64,3 +65,22 @@ def test_no_fit_begins_with_an_impossible_torque(times: float, is_possible: bool
     largest = J * float(np.abs(data.signals[0].acceleration).max())
     model = build_model("joint", ["coulomb_friction"], {"coulomb_friction.tau_c": times * largest, "J": J})
     assert bool(_possible([(model, data.nuisance)], ["coulomb_friction.tau_c"], data)) is is_possible
+
+
+@pytest.mark.parametrize(("factor", "is_simulated"), [(1.0, True), (100.0, True), (1e5, False)])
+def test_no_step_asks_for_an_impossible_torque(factor: float, is_simulated: bool, swing: Recording) -> None:
+    """A step of a fit to a wheel that coasts asked for 1e11 times the torque of its inertia, and the stiff motion took
+    40 s to simulate.  It counts as one that cannot be simulated, whatever the inertia of the file is."""
+    now = fitted(swing, 0.05)
+    usual = now.data.signal_rms(now.model)
+    weight = np.zeros(now.count)
+    high = np.full(now.count + now.nuisance.size, np.inf)
+    most = possible(now.unknowns, now.model, now.data)
+    objective = Objective(now.model, now.data, now.unknowns, usual, weight, weight, high, most)
+    z = np.concatenate([now.z, now.nuisance])
+    objective.jacobian(z)
+    at = now.unknowns.names.index("coulomb_friction.tau_c")
+    item = now.unknowns.items[at]
+    torque = factor * J * max(float(np.abs(one.acceleration).max()) for one in now.data.signals)
+    z[at] = item.z(torque)
+    assert np.isfinite(objective.residual(z)).all() == is_simulated
