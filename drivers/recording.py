@@ -152,14 +152,14 @@ def read_recording(
     terms: Sequence[str] = (),
     told: set[str] | None = None,
     *,
-    is_linear: bool = False,
+    base: str = "",
 ) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
     ``FILE#joint=elbow,position=SERIES:deg`` sets it.  joint: which one of such a file is meant, if it has one of that
     name; terms: ``position=SERIES:deg`` for columns that the address does not have; told: what was said of other files,
-    and is not repeated; is_linear: whether a motion along a line is meant, and no angle.  A last line that was cut off
+    and is not repeated; base: of the lab's models, for which it is read.  A last line that was cut off
     (a recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the
     line, what was found and expected, and the likely cause.
     """
@@ -171,7 +171,7 @@ def read_recording(
     else:
         from lostmotion.drivers.formats.read import imported
 
-        found = imported(path, replace(choice, hint=joint, is_linear=is_linear))
+        found = imported(path, replace(choice, hint=joint, base=base))
         known = set() if told is None else told
         head, *lines = found.lines()
         new = [line for line in lines if _key(line) not in known]

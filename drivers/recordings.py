@@ -23,14 +23,14 @@ Read = Callable[[str | Path, Sequence[str]], Recording]
 
 
 def read_recordings(
-    paths: Sequence[str | Path], joint: str = "", terms: Sequence[str] = (), *, is_linear: bool = False
+    paths: Sequence[str | Path], joint: str = "", terms: Sequence[str] = (), *, base: str = ""
 ) -> list[Recording]:
     """Reads several; what is the same of them is said once.  Files that have nothing in common but their number of
     rows, as angles in one and torques in another, are one recording.  A column without a name that is the position in
-    most files is so in all of them, and an angle that is in degrees in one is so in all, unless is_linear: see
-    ``read_recording``.  Raises RecordingError."""
+    most files is so in all of them, and an angle that is in degrees in one is so in all, but for a base that
+    moves along a line; see ``read_recording``.  Raises RecordingError."""
     told: set[str] = set()
-    read: Read = partial(_read, joint, told, is_linear)
+    read: Read = partial(_read, joint, told, base)
     found: list[Recording | RecordingError] = []
     for path in paths:
         try:
@@ -38,13 +38,13 @@ def read_recordings(
         except RecordingError as error:
             found.append(error)
     recordings = [one for one in found if isinstance(one, Recording)]
-    whole = partial(_read, joint, set(), is_linear, PLUS.join(map(str, paths)), terms)
+    whole = partial(_read, joint, set(), base, PLUS.join(map(str, paths)), terms)
     if len(recordings) < len(paths) > 1:
         with suppress(RecordingError):
             return [whole()]
     elif _are_parts(recordings):
         return [whole()]
-    for at, term in enumerate(_agreed(found, is_linear)):
+    for at, term in enumerate(_agreed(found, base == "oscillator")):
         if term:
             with suppress(RecordingError):
                 found[at] = read(paths[at], [*terms, term])
@@ -55,8 +55,8 @@ def read_recordings(
     return [one for one in found if isinstance(one, Recording)]
 
 
-def _read(joint: str, told: set[str], is_linear: bool, path: str | Path, terms: Sequence[str]) -> Recording:
-    return read_recording(path, joint, terms, told, is_linear=is_linear)
+def _read(joint: str, told: set[str], base: str, path: str | Path, terms: Sequence[str]) -> Recording:
+    return read_recording(path, joint, terms, told, base=base)
 
 
 def _are_parts(recordings: Sequence[Recording]) -> bool:

@@ -78,6 +78,9 @@ class _Axis(NamedTuple):
 
 
 TURN = _Axis("position", "torque", "rad; else :deg, :mm", ":deg", ":rad/s, :rpm", "an angle")
+FOLLOWED = TURN._replace(drive="command")
+DRIVEN = {"command": "its goal"}
+"""what drives a motion, in words"""
 LINE = _Axis("displacement", "force", "m; else :mm", ":mm", ":m/s", "a place")
 
 Spans = Callable[[Sequence[str]], Mapping[str, tuple[float, float]]]
@@ -154,7 +157,7 @@ def guessed(
     chosen, notes = chosen | more, notes + told
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
-        advice = _advised(series, clock, moving or {}, spans, choice.is_linear, notes)
+        advice = _advised(series, clock, moving or {}, spans, choice, notes)
         raise RecordingError(f"{name}: found {listed(series)}, and none that is clearly a column; {advice}")
     notes += _of_left([one for one in series if one.name != clock], chosen, notes, spans)
     goals = [_chosen("command", one, Term(one.name), NEAREST) for one in _others("command", candidates, joint, chosen)]
@@ -229,12 +232,13 @@ def _of_left(series: Sequence[Series], chosen: Mapping[str, Chosen], notes: Sequ
 
 
 def _advised(
-    series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, is_linear: bool, notes: Sequence[str]
+    series: Sequence[Series], clock: str, moving: Mapping[str, str], spans: Spans, choice: Choice, notes: Sequence[str]
 ) -> str:
     """What to type where no column was found, also of several accelerometers: one is enough for what moves along a line
     only."""
     several = " ".join(note for note in notes if note.startswith("accel"))
-    advice = "" if several and is_linear else _advice(series, clock, moving, spans, LINE if is_linear else TURN)
+    axis = LINE if choice.is_linear else FOLLOWED if choice.base == "servo" else TURN
+    advice = "" if several and axis is LINE else _advice(series, clock, moving, spans, axis)
     return "; ".join(filter(None, (advice, several)))
 
 
@@ -296,7 +300,7 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
         return f"{moving['why']}, if there are {rows} rows a second: {drives}"
     if why := moving.get("why"):
         motion, drive = mapped(axis.motion, moving["perhaps"]), mapped(axis.drive, "SERIES")
-        goal = f", or a servo's goal, as in {mapped('command', 'SERIES')}" * (axis is TURN)
+        goal = f", or a servo's goal, as in {mapped('command', 'SERIES')}" * (axis is not LINE)
         return f"{why}: assign one of them, as in {motion}, and what drives it, as in {drive}{goal}"
     example = _example(series, clock, moving, spans, axis)
     units = f"({axis.units}, *FACTOR for counts; a speed: {axis.speeds})"
@@ -312,7 +316,7 @@ def _example(series: Sequence[Series], clock: str, moving: Mapping[str, str], sp
     or the one whose name says so; without times the one that ascends (``rising``) as these."""
     if swings := moving.get("perhaps", ""):
         return mapped(axis.motion, swings, axis.unit(spans([swings])[swings]))
-    if turns := moving.get("gyroscope", "") if axis is TURN else "":
+    if turns := moving.get("gyroscope", "") if axis is not LINE else "":
         return mapped(axis.motion, turns, f"{axis.unit(spans([turns])[turns]) or ':rad'}/s")
     named_so = [one.name for one in series if not is_time(one.name) and one.name != clock and one.unit != DATE]
     known = spans(named_so)
@@ -339,6 +343,9 @@ def _pair(
     """How the first of these would be assigned as the motion, and another one as what drives it: an input by its name,
     or the one that is ``switched``; known: the least and the largest number of each."""
     has_input = any(is_input(one) for one in names)  # as in r, u, y: y is what u drives
+    if axis is FOLLOWED and len(names) > 1 and all(map(UNNAMED.fullmatch, names)):
+        goal, angle, *_ = (one.name for one in series if one.name in names)  # programs write the goal first
+        names, switched = [angle, goal], ""
     ranked = sorted(names, key=lambda one: (one == switched, _may_drive(one), has_input and one != "y"))
     first, *others = ranked or ["SERIES"]
     if column := column_of(first):  # one of several, among which none was chosen
@@ -355,12 +362,13 @@ def _pair(
         has_unit = unit_of(first, "position") or is_forced
         unit = "" if has_unit else axis.unit(known.get(first, (-math.inf, math.inf)))
     driven = "force" if is_forced else axis.drive
+    has_goal = driven == FOLLOWED.drive
     goals = [one for one in rest if one == GOAL and one not in drives[:1]]
     return ", and ".join(
         [
             mapped(axis.motion, first, unit),
-            *(f"a {driven} {mapped(driven, one)}" for one in drives[:1]),
-            *(f"for a servo its goal {mapped('command', one, unit)}" for one in goals),
+            *(f"{DRIVEN.get(driven, f'a {driven}')} {mapped(driven, one, unit * has_goal)}" for one in drives[:1]),
+            *(f"for a servo its goal {mapped('command', one, unit)}" for one in goals if not has_goal),
         ]
     )
 

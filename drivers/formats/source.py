@@ -63,8 +63,8 @@ class Term:
 @dataclass(frozen=True, slots=True)
 class Choice:
     """The options for a file.  terms: by column; topics: come first where several fit a column; rate_hz:
-    where the file has no times; hint: the joint that is meant where the file has one of that name; is_linear: whether
-    the motion that is meant is along a line, and no angle."""
+    where the file has no times; hint: the joint that is meant where the file has one of that name; base: of the
+    lab's models, for which it is read."""
 
     terms: Mapping[str, Term] = field(default_factory=dict)
     joint: str = ""
@@ -72,7 +72,12 @@ class Choice:
     episode: int | None = None
     rate_hz: float | None = None
     hint: str = ""
-    is_linear: bool = False
+    base: str = ""
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the motion that is meant is along a line, and no angle."""
+        return self.base == "oscillator"
 
     def __bool__(self) -> bool:
         return bool(self.terms or self.joint or self.topics or self.rate_hz or self.episode is not None)

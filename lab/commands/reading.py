@@ -42,7 +42,7 @@ class Files:
         from lostmotion.drivers.recordings import read_recordings
 
         paths = [from_input(path) for path in self.paths]
-        return read_recordings(paths, self.joint, self.terms, is_linear=base == "oscillator")
+        return read_recordings(paths, self.joint, self.terms, base=base)
 
 
 def _recordings(ctx: click.Context, param: click.Parameter, paths: tuple[Path, ...]) -> tuple[Path, ...]:

@@ -229,3 +229,12 @@ def test_readings_that_are_cut_off_are_told(tmp_path: Path, caplog: pytest.LogCa
         said = [one for one in caplog.messages if "the range of the sensor cut the motion off" in one]
         assert len(said) == is_cut
         assert not is_cut or "readings of accel stand at -30 and 30 m/s^2" in said[0]
+
+
+def test_a_servo_is_asked_for_its_goal(tmp_path: Path) -> None:
+    """No torque is proposed for the base ``servo``; without names the goal stands before what follows it."""
+    path = table(tmp_path / "servo.txt", T, 40.0 * (T >= 1), 40.0 * np.clip(T - 1, 0, 1) + np.sin(9 * T), head="")
+    said = explained("servo", path)
+    assert "--map position=column3:deg, and its goal --map command=column2:deg" in said
+    assert "torque" not in said
+    assert "and a torque --map torque=" in explained("joint", path)
