@@ -27,6 +27,9 @@ COUNTED = f"*{np.pi / 2048:.8f}"
 """what makes rad of counts of 4096 a turn"""
 COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
+LEAST_BITS, EXACT = 8, 1e-6
+"""bits of an encoder, and how far the logarithm of its counts a turn may be from a whole number: by chance one angle in
+500,000 is as close"""
 ALIKE = float(np.sqrt(1 / DEGREE))
 """Times as far as its angle a goal in the same unit may be, or the other way round: 7.6, half way to degrees beside
 rad. Goals of 101 published recordings of servos and motors go 0.8 to 4.2 times as far as the angles, the latter of a
@@ -107,7 +110,18 @@ def _beyond_a_servo(columns: Sequence[Chosen], values: Sequence[FloatArray]) -> 
     angles = [(one, numbers) for one, numbers in zip(columns, values, strict=True) if one.column in ANGLES]
     if {one.column for one, _ in angles} != {*ANGLES} or not all(one.is_without_unit for one, _ in angles):
         return []
+    if any(_are_counts_in_rad(numbers) for _, numbers in angles):
+        return []
     return angles if max(float(np.abs(numbers).max()) for _, numbers in angles) >= MANY_TURNS else []
+
+
+def _are_counts_in_rad(values: FloatArray) -> bool:
+    """Whether numbers are those of an encoder with a power of two counts a turn, in rad."""
+    steps = np.diff(np.unique(values))
+    if not steps.size:
+        return False
+    bits = float(np.log2(2 * np.pi / steps.min()))
+    return bits >= LEAST_BITS and abs(bits - round(bits)) < EXACT
 
 
 def _doubts(one: Chosen, values: FloatArray) -> list[str]:
@@ -117,7 +131,7 @@ def _doubts(one: Chosen, values: FloatArray) -> list[str]:
     if one.column not in ANGLES or one.unit or one.why == "given" or not values.size:
         return []
     is_whole = _are_whole(values) and float(np.ptp(values)) > 2 * np.pi
-    if np.abs(values).max() < MANY_TURNS and not is_whole:
+    if (np.abs(values).max() < MANY_TURNS and not is_whole) or _are_counts_in_rad(values):
         return []
     span = f"{values.min():.4g} to {values.max():.4g}"
     degrees, counts, turns = (mapped(one.column, one.series, each) for each in (":deg", COUNTED, ":rev"))

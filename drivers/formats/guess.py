@@ -396,7 +396,8 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
     notes = []
-    if not (one.unit or unit) and is_angular(one.name):
+    is_alone = sum(not is_time(each.name) for each in series) == 1
+    if not (one.unit or unit) and is_alone and is_angular(one.name):
         unit, degrees = "rad/s", mapped("position", one.name, ":deg/s")
         notes = [f"position: no unit is given, and {shown(one.name)} is taken in rad/s; else use {degrees}"]
     if len(own) != 1 or not (one.unit or unit):

@@ -19,7 +19,7 @@ COMMAND = {
     "goal", "goals", "target", "targets", "desired", "reference", "references", "ref", "command", "commands",
     "commanded", "cmd", "setpoint", "action", "actions", "des", "demand", "demanded",
 }  # fmt: skip
-MEASURED = {"actual", "measured", "feedback", "present"}
+MEASURED = {"actual", "act", "measured", "feedback", "present"}
 """of a position where no other quantity is named, as a command is one: ``FL_1_target`` and ``FL_1_actual``"""
 REPORTED = {"state", "states", "observation", "sensor", "shaft"}
 """of what is read, and not sent: the ``reference`` in a controller's state is a sample"""
@@ -31,7 +31,7 @@ SYMBOLS = {"q", "theta", "phi"}
 QUANTITIES = {
     "temperature": {"temperature", "temp"},
     "voltage": {"voltage", "volt", "volts"},
-    "torque": {"torque", "torques", "effort", "efforts", "tau"},
+    "torque": {"torque", "torques", "effort", "efforts", "tau", "tor", "torq", "trq"},
     "force": {"force"},
     "displacement": {"displacement", "distance"},
     "accel": {"accel", "acceleration", "acc", "accl", "accelerometer"},
@@ -61,8 +61,8 @@ ESTIMATED = {"est", "estimate", "estimated", "hat", "observer", "observed"}
 """of an observer: worse than what was measured: ``theta_hat``"""
 GENERAL = {
     "joint", "joints", "state", "states", "observation", "controller", "trajectory", "robot", "data", "feedback",
-    "actual", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo", "sensor",
-    "imu", "msg", "x", "y", "z", "output", "out", "input", "shaft", "meas", "hz", *ESTIMATED,
+    "actual", "act", "present", "measured", "linear", "interface", "values", "value", "motor", "motors", "servo",
+    "sensor", "imu", "msg", "x", "y", "z", "output", "out", "input", "shaft", "meas", "hz", *ESTIMATED,
 }  # fmt: skip
 TIMES = ("__time", "time", "timestamp", "timestamps", "t", "times", "tout", "elapsed", "datetime", "stamp")
 """words of the time axis, those first that others come after"""
@@ -244,8 +244,8 @@ def speed_of(name: str) -> str | None:
 
 
 def is_angular(name: str) -> bool:
-    """Whether a name is that of an angle's rate in general, and none of a sensor's: ``angular_velocity``, ``omega``."""
-    return bool({*_words(name)} & {"angular", "omega"})
+    """Whether a name is that of an angle's rate, as in ``angular_velocity``; an omega may be in rpm."""
+    return "angular" in _words(name)
 
 
 def is_asked_speed(name: str) -> bool:

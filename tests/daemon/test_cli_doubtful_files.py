@@ -208,13 +208,11 @@ def test_an_input_at_which_the_angle_settles_is_a_goal(tmp_path: Path) -> None:
 
 
 def test_an_angular_velocity_is_in_rad_a_second(tmp_path: Path) -> None:
-    """As a position without a unit is in rad; the speed of a line, or of a motor, may be in any unit."""
+    """As a position without a unit is in rad, if there is nothing else."""
     path = table(tmp_path / "gyro.csv", T, np.cos(5 * T), head="time,angular_velocity")
     said = told(path)
     assert "position = angular_velocity  (rad/s, now rad; a speed, as there is no angle)" in said
     assert "taken in rad/s; else use --map position=angular_velocity:deg/s" in said
-    table(path, T, np.cos(5 * T), head="time,velocity")
-    assert "in rad/s" not in told(path)
 
 
 def test_readings_that_are_cut_off_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -238,3 +236,24 @@ def test_a_servo_is_asked_for_its_goal(tmp_path: Path) -> None:
     assert "--map position=column3:deg, and its goal --map command=column2:deg" in said
     assert "torque" not in said
     assert "and a torque --map torque=" in explained("joint", path)
+
+
+def test_the_log_of_an_actuator_needs_no_help(tmp_path: Path) -> None:
+    """``torAct`` and ``posAct`` are quantities and no joints.  The steps of an encoder of 12 bits show that its angle
+    of several turns is in rad, in which no servo turns so often."""
+    step = 2 * np.pi / 4096
+    counts = np.rint(9 * np.pi * np.sin(2 * T) / step) * step
+    goal = counts + 0.1 * np.cos(3 * T)
+    head = "t,torDes,posDes,velDes,torAct,posAct,velAct"
+    path = tmp_path / "log.csv"
+    columns = np.stack([T, np.sin(T), goal, 0 * T, np.cos(9 * T), counts, 0 * T], axis=1)
+    np.savetxt(path, columns, "%.15g", ",", header=head, comments="")
+    said = told(path)
+    assert "command = posDes  (rad" in said
+    assert "position = posAct  (rad" in said
+    assert "torque = torAct  (N m" in said
+    assert "deg" not in said.split("note: command")[0]
+    columns[:, 5] = np.rint(counts / step / 20) * 360 / 4096
+    columns[:, 2] = columns[:, 5] + 3 * np.cos(3 * T)
+    np.savetxt(path, columns, "%.15g", ",", header=head, comments="")
+    assert "position = posAct  (deg, now rad" in told(path)

@@ -914,13 +914,13 @@ def test_a_refusal_suggests_the_axis_of_a_gyroscope_that_turns(size: float, unit
 
 @pytest.mark.parametrize("name", ["angular_velocity", "Angular Velocity"])
 def test_the_only_column_beside_the_time_is_no_angle_if_its_name_says_a_speed(name: str, tmp_path: Path) -> None:
-    """An angular velocity was read as an angle, in degrees where it is large.  The line that the refusal suggests
-    works."""
+    """An angular velocity was read as an angle, in degrees where it is large.  It is integrated, in rad/s, or in the
+    unit that is given."""
     path = tmp_path / "wheel.csv"
     path.write_text(f"time,{name}\n" + rows(T, 4 * np.gradient(SWING, T), sign=","))
-    assert f"position={name}:rad/s" in refused(path)
-    angle = read(path, f"position={name}:rad/s").recording.columns["position"]
-    assert angle == pytest.approx(4 * (SWING - SWING[0]), abs=0.02)
+    for terms, unit in (([], 1.0), ([f"position={name}:deg/s"], np.pi / 180)):
+        angle = read(path, *terms).recording.columns["position"]
+        assert angle == pytest.approx(unit * 4 * (SWING - SWING[0]), abs=0.02)
 
 
 def test_of_columns_that_ascend_the_first_is_the_time_if_it_does_so_most_evenly(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ def test_an_input_that_the_angle_follows_is_told_as_a_goal(tmp_path: Path) -> No
         u, angle = driven(by_goal)
         rows = [f"{t:.3f},{a:.6f},{a - q:.0f},{q:.0f}" for t, a, q in zip(T, u, angle, strict=True)]
         path.write_text("\n".join(["t,u,v,theta", *rows]) + "\n")
-        notes = [one for one in read(path).notes if "as a goal" in one]
+        notes = [one for one in read(path).notes if "as the goal" in one]
         assert len(notes) == by_goal
     assert abs(follows(T, *driven(True)) - 1) < 0.1
     assert follows(T, u, np.zeros_like(u)) == 0
@@ -133,9 +133,11 @@ def test_the_note_of_a_goal_says_what_to_type(tmp_path: Path) -> None:
     rows = [f"{t:.3f},{a:.6f},{a - q:.0f},{q:.0f}" for t, a, q in zip(T, u, angle, strict=True)]
     path = tmp_path / "ruler.csv"
     path.write_text("\n".join(["t,u,v,theta", *rows]) + "\n")
-    (note,) = [one for one in read(path).notes if "as a goal" in one]
-    assert "for the base servo use --map command=u --map voltage=, or give what drives it: --map voltage=v" in note
-    assert {one.column for one in read(path, "command=u", "voltage=").columns} == {"command", "position"}
+    (note,) = [one for one in read(path).notes if "as the goal" in one]
+    assert "if it drives the motor, use --map voltage=u, or give what drives it: --map voltage=v" in note
+    assert {one.column for one in read(path).columns} == {"command", "position"}
+    assert {one.column for one in read(path, "voltage=v").columns} >= {"voltage", "position"}
+    assert {one.column for one in read(path, "voltage=u").columns} == {"voltage", "position"}
 
 
 @pytest.mark.parametrize(("levels", "is_told"), [(1, False), (2, True), (3, True), (200, False)])
