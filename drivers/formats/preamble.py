@@ -21,11 +21,15 @@ INTERVAL = re.compile(
     r"(sampl\w*|scan|frame|data)[ _-]*(interval|period|time)|delta[ _]?[xt]|time[ _-]*(step|interval)|dt|ts", re.I
 )
 QUANTITY = re.compile(
-    r"""[\s:="']*(?P<number>\d[\d.]*(?:[eE][+-]?\d+)?)\s*[(\[]?(?P<unit>[a-zA-Zµμ]*)(?=[\s,;|)\]"']|$)"""
+    r"""[\s:="']*(?P<number>\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*[(\[]?(?P<unit>[a-zA-Zµμ]*)(?=[\s,;|)\]"']|$)"""
 )
 """what stands behind a name"""
 UNIT = re.compile(r"[\s_]*[(\[]?(?<![a-z])(?P<unit>[kM]?hz|[mµμun]?s|sec)[)\]]?$", re.I)
 """at the end of a name"""
+LONGEST = 60
+"""characters of a name"""
+SLOWEST, QUICKEST = 0.1, 1e7
+"""rows a second that a recording may have"""
 HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "fps": 1.0, "sps": 1.0}
 
 
@@ -42,16 +46,16 @@ def are_settings(names: str, numbers: str) -> bool:
 def rate_above(lines: Sequence[str]) -> tuple[str, float]:
     """The name of the rate in the lines above a table, and its rows a second; "" and 0.0 for none."""
     for name, value in _named(lines):
-        plain, unit = _parted(name.strip().strip("#%/\"' :="))
-        found = QUANTITY.match(value)
-        if not found:
+        plain = name.strip().strip("#%/\"' :=")
+        if len(plain) > LONGEST or not (found := QUANTITY.match(value)):
             continue
-        size, unit = float(found["number"].rstrip(".")), found["unit"] or unit
-        if RATE.fullmatch(plain) and unit.lower() in HERTZ and size > 0:
-            return plain, size * HERTZ[unit.lower()]
-        known = to_si(unit or "s")
-        if INTERVAL.fullmatch(plain) and known and known[0] == "s" and size > 0:
-            return plain, 1 / (size * known[1])
+        plain, own = _parted(plain)
+        size, unit = float(found["number"]), found["unit"] or own
+        rate = size * HERTZ.get(unit.lower(), 0.0) if RATE.fullmatch(plain) else 0.0
+        if INTERVAL.fullmatch(plain) and size > 0 and (known := to_si(unit or "s")) and known[0] == "s":
+            rate = 1 / (size * known[1])
+        if SLOWEST <= rate <= QUICKEST:
+            return plain, rate
     return "", 0.0
 
 

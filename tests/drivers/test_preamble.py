@@ -58,6 +58,10 @@ def test_what_is_given_counts(tmp_path: Path) -> None:
         "duration: 3 s",
         "sample rate: 500 rpm",
         "sample time: 10:31",
+        "data rate: 1.0.3",
+        "dt: 1e400",
+        "fs: 1e400",
+        "sampl" + 50_000 * "_" + ": 5",
         "",
     ],
 )
