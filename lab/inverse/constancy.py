@@ -59,7 +59,7 @@ def warn_of_differing(fit: Regression, signals: Sequence[Signals], floor: float,
     axis = fit.data.axis
     (together, own), unit = quantities(column(fit.data.column, *axis)[1], found.together, found.own)
     ends = (found.least[0], found.most[0])
-    apart = (ends[1] - ends[0]) / max(map(abs, ends))
+    apart = (ends[1] - ends[0]) / max(*map(abs, ends), 1e-300)
     digits = 2 + max(math.floor(-math.log10(max(apart, 1e-9))), 0)
     (least, most), own_unit = quantities(of_axis(fit.model.parameters[found.name].unit, *axis), *ends, digits=digits)
     log.warning(
@@ -91,7 +91,7 @@ def differing(fit: Regression, signals: Sequence[Signals], floor: float, pool: E
     is_behind = rms(together) > policy.BEHIND * rms(own.predicted)
     if not (is_behind and evidence.is_better(len(fits))):
         return None
-    away = own.z - np.median([one.z for one in fits], axis=0)
+    away = own.z - np.median([own.unknowns.z(one.model) for one in fits], axis=0)
     changed = np.abs(away) * np.linalg.norm(own.jacobian[:, : own.count], axis=0)
     name = own.unknowns.names[int(np.argmax(changed))]
     values = sorted(zip((one.model.parameters[name].value for one in fits), names, strict=True))
