@@ -79,7 +79,7 @@ def of_explanation(explanation: Explanation) -> tuple[str, ...]:
     sentences += _unused(explanation)
     if explanation.unshown:
         effects = joined([words.name(effect) for effect in explanation.unshown])
-        sentences.append(f"The samples kept for judging do not show {effects}: only those of the fit do.")
+        sentences.append(f"Only the fit needs {effects}: the error of the samples kept for judging is as low without.")
     return tuple(sentences)
 
 

@@ -28,7 +28,7 @@ def test_what_the_judged_recording_is_free_of_is_said() -> None:
     """An effect that only the recordings of the fit hold: why the error stays where it was."""
     only = replace(report_example.explanation(), unshown=("coulomb_friction",))
     said = verdict.of_explanation(only)[-1]
-    assert said == "The samples kept for judging do not show Coulomb friction: only those of the fit do."
+    assert said == "Only the fit needs Coulomb friction: the error of the samples kept for judging is as low without."
 
 
 def test_a_short_part_of_the_recordings_is_not_rounded_to_none() -> None:
