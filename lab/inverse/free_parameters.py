@@ -34,7 +34,7 @@ LARGEST_BIAS = 2.0
 """Largest constant torque, as a share of the largest torque.  Without this bound a constant torque and a ripple 2000
 times as large as the torque followed the motion of a flexible arm."""
 LARGEST = 1e3
-"""Largest torque of an effect in a motion without an input, in those of the inertia.  A step of a fit to a wheel that
+"""Largest torque of an effect on a joint without an input, in those of the inertia.  A step of a fit to a wheel that
 coasts for 230 s asked for 1e11 of them, whose stiff motion took 40 s to simulate."""
 
 
@@ -137,12 +137,13 @@ def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
 
 
 def possible(unknowns: Unknowns, model: Model, data: Problem) -> FloatArray:
-    """The largest values of the parameters (P,) that are simulated: ``LARGEST`` times the torque of a motion that no
-    input drives, or what has it."""
+    """The largest values of the parameters (P,) that are simulated: of a joint that no input drives ``LARGEST`` times
+    the torque of its inertia, or what has it.  A spring whose sensor has its zero elsewhere may have a larger force."""
     torque = _largest_torque(model, data)
     most = {"N m": torque, "N": torque} | _per_motion(torque, data)
     units = [model.parameters[name].unit for name in unknowns.names]
-    return np.array([math.inf if data.is_driven else LARGEST * most.get(unit, math.inf) for unit in units])
+    is_limited = model.base == "joint" and not data.is_driven
+    return np.array([LARGEST * most.get(unit, math.inf) if is_limited else math.inf for unit in units])
 
 
 def _largest_torque(model: Model, data: Problem) -> float:
