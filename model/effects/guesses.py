@@ -64,7 +64,8 @@ def grid(**values: Sequence[float]) -> list[Values]:
 
 
 def turns(scales: MotionScales, most: float) -> list[float]:
-    """Numbers of periods a turn, up to this one, that differ over the span of angle by less than a third of a turn of
-    the phase."""
-    step = min(max(2.0 / max(scales.span, 1e-3), 1.0), 12.0)
+    """Numbers of periods a turn, up to this one, that differ over the span of angle by less than a tenth of a turn of
+    the phase; beside a play, where fits begin again at other numbers, by a third of a turn.  With a third the number 4
+    of a servo that moves by 1.7 rad was none of them, and a weight was named for its ripple."""
+    step = min(max((2.0 if scales.d else 0.6) / max(scales.span, 1e-3), 1.0), 12.0)
     return [float(n) for n in np.unique(np.round(np.arange(1.0, most + 0.5, step)))]
