@@ -79,8 +79,6 @@ class _Axis(NamedTuple):
 
 TURN = _Axis("position", "torque", "rad; else :deg, :mm", ":deg", ":rad/s, :rpm", "an angle")
 FOLLOWED = TURN._replace(drive="command")
-DRIVEN = {"command": "its goal"}
-"""what drives a motion, in words"""
 LINE = _Axis("displacement", "force", "m; else :mm", ":mm", ":m/s", "a place")
 
 Spans = Callable[[Sequence[str]], Mapping[str, tuple[float, float]]]
@@ -198,12 +196,16 @@ def _eliminated(
     (one,) = rest
     if one.name == rough or not _may_be_position(one):
         return {}
-    is_alone = sum(not is_time(each.name) for each in series) == 1
-    if not is_alone and (is_input(one.name) or (chosen and is_other(one.name))):
+    if not _is_alone(series) and (is_input(one.name) or (chosen and is_other(one.name))):
         return {}
     why = f"the only series beside the time{' and the command' * len(chosen)}"
     column = (LINE if choice.is_linear and not to_si(one.unit or unit_of(one.name, "position")) else TURN).motion
     return {column: _chosen(column, one, Term(one.name), why)}
+
+
+def _is_alone(series: Sequence[Series]) -> bool:
+    """Whether there is one series beside the time."""
+    return sum(not is_time(one.name) for one in series) == 1
 
 
 def _changing(series: Sequence[Series], spans: Spans) -> Sequence[Series]:
@@ -300,7 +302,7 @@ def _advice(series: Sequence[Series], clock: str, moving: Mapping[str, str], spa
         return f"{moving['why']}, if there are {rows} rows a second: {drives}"
     if why := moving.get("why"):
         motion, drive = mapped(axis.motion, moving["perhaps"]), mapped(axis.drive, "SERIES")
-        goal = f", or a servo's goal, as in {mapped('command', 'SERIES')}" * (axis is not LINE)
+        goal = f", or a servo's goal, as in {mapped('command', 'SERIES')}" * (axis is TURN)
         return f"{why}: assign one of them, as in {motion}, and what drives it, as in {drive}{goal}"
     example = _example(series, clock, moving, spans, axis)
     units = f"({axis.units}, *FACTOR for counts; a speed: {axis.speeds})"
@@ -367,7 +369,10 @@ def _pair(
     return ", and ".join(
         [
             mapped(axis.motion, first, unit),
-            *(f"{DRIVEN.get(driven, f'a {driven}')} {mapped(driven, one, unit * has_goal)}" for one in drives[:1]),
+            *(
+                f"{'its goal' if has_goal else f'a {driven}'} {mapped(driven, one, unit * has_goal)}"
+                for one in drives[:1]
+            ),
             *(f"for a servo its goal {mapped('command', one, unit)}" for one in goals if not has_goal),
         ]
     )
@@ -396,8 +401,7 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
     notes = []
-    is_alone = sum(not is_time(each.name) for each in series) == 1
-    if not (one.unit or unit) and is_alone and is_angular(one.name):
+    if not (one.unit or unit) and _is_alone(series) and is_angular(one.name):
         unit, degrees = "rad/s", mapped("position", one.name, ":deg/s")
         notes = [f"position: no unit is given, and {shown(one.name)} is taken in rad/s; else use {degrees}"]
     if len(own) != 1 or not (one.unit or unit):

@@ -8,15 +8,14 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lostmotion.drivers.formats.cells import number
+from lostmotion.drivers.formats.rates import ROWS
 from lostmotion.drivers.units import to_si
 
-__all__ = ["are_settings", "rate_above"]
+__all__ = ["LONGEST_NAME", "are_settings", "rate_above"]
 
 SIGNS = re.compile(r"[,;\t|]")
 """between the cells of such lines"""
-RATE = re.compile(
-    r"(sampl\w*|actual|scan|frame|data|acquisition)[ _-]*(rate|freq(uency)?)|fs|fps|rate_hz|samplerate", re.I
-)
+RATE = re.compile(r"(sampl\w*|actual|scan|frame|data|acquisition)[ _-]*(rate|freq(uency)?)|fs|fps", re.I)
 INTERVAL = re.compile(
     r"(sampl\w*|scan|frame|data)[ _-]*(interval|period|time)|delta[ _]?[xt]|time[ _-]*(step|interval)|dt|ts", re.I
 )
@@ -26,10 +25,8 @@ QUANTITY = re.compile(
 """what stands behind a name"""
 UNIT = re.compile(r"[\s_]*[(\[]?(?<![a-z])(?P<unit>[kM]?hz|[mµμun]?s|sec)[)\]]?$", re.I)
 """at the end of a name"""
-LONGEST = 60
-"""characters of a name"""
-SLOWEST, QUICKEST = 0.1, 1e7
-"""rows a second that a recording may have"""
+LONGEST_NAME = 60
+"""characters of a name in a comment, which may also be a sentence with commas"""
 HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "fps": 1.0, "sps": 1.0}
 
 
@@ -47,14 +44,14 @@ def rate_above(lines: Sequence[str]) -> tuple[str, float]:
     """The name of the rate in the lines above a table, and its rows a second; "" and 0.0 for none."""
     for name, value in _named(lines):
         plain = name.strip().strip("#%/\"' :=")
-        if len(plain) > LONGEST or not (found := QUANTITY.match(value)):
+        if len(plain) > LONGEST_NAME or not (found := QUANTITY.match(value)):
             continue
         plain, own = _parted(plain)
         size, unit = float(found["number"]), found["unit"] or own
         rate = size * HERTZ.get(unit.lower(), 0.0) if RATE.fullmatch(plain) else 0.0
         if INTERVAL.fullmatch(plain) and size > 0 and (known := to_si(unit or "s")) and known[0] == "s":
             rate = 1 / (size * known[1])
-        if SLOWEST <= rate <= QUICKEST:
+        if ROWS[0] <= rate <= ROWS[1]:
             return plain, rate
     return "", 0.0
 

@@ -22,7 +22,7 @@ import numpy as np
 from lostmotion.drivers.codec.recording_csv import LONGEST_LINE
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, is_date, number
-from lostmotion.drivers.formats.preamble import are_settings, rate_above
+from lostmotion.drivers.formats.preamble import LONGEST_NAME, are_settings, rate_above
 from lostmotion.drivers.formats.source import MOST_SERIES, too_many
 from lostmotion.drivers.formats.words import SPELT, column_of, is_time, speed_of
 from lostmotion.drivers.toml_text import TomlError, loads
@@ -48,8 +48,6 @@ LOOKED_AT = 200
 """rows, to distinguish numbers from words"""
 MOST_BROKEN = 0.05
 """share of the rows that may be none, as where a serial line was cut off or a program speaks in between"""
-LONGEST_NAME = 60
-"""characters of a name in a comment, which may also be a sentence with commas"""
 LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 RULER = re.compile(r"[\s+|]*[-=]{3}[-=+|\s]*")

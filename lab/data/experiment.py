@@ -20,6 +20,7 @@ from lostmotion.lab.data.checks import LEAST_SAMPLES, check_goal, check_output, 
 from lostmotion.lab.data.degrees import in_degrees
 from lostmotion.lab.data.frequency_response import turned
 from lostmotion.lab.data.rounded_input import rounding_step, smooth_motion
+from lostmotion.lab.data.series import seen
 from lostmotion.lab.data.stand_ins import LENGTHS, imported_columns, is_sampled, with_stand_ins
 from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
@@ -168,9 +169,9 @@ def own_rows(values: FloatArray) -> NDArray[np.intp] | None:
 
 def experiments(model: Model, recordings: Sequence[Recording]) -> tuple[Experiment, ...]:
     """The recordings prepared for the base of a model.  Raises ExperimentError for one that cannot be used."""
-    recordings = in_degrees(recordings) if model.base == "joint" else recordings
     of_motor = is_of_motor(np.concatenate([_readings(one, "voltage") for one in recordings] or [np.empty(0)]))
-    return turned(model, [_experiment(model, recording, of_motor) for recording in recordings])
+    found = [_experiment(model, recording, of_motor) for recording in recordings]
+    return turned(model, in_degrees(found, recordings) if model.base == "joint" else found)
 
 
 def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experiment:
@@ -322,7 +323,7 @@ def _input(base: str, recording: Recording, of_motor: bool) -> str:
 def _readings(recording: Recording, column: str) -> FloatArray:
     """The readings of a column (M,), none where it was not recorded."""
     values = recording.columns.get(column, np.empty(0))
-    return np.asarray(values[np.isfinite(values)])
+    return seen(values)
 
 
 def _given(model: Model, recording: Recording) -> dict[str, float]:

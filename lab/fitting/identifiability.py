@@ -10,12 +10,13 @@ before it begins.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.data.series import direction, is_onward, seen
 from lostmotion.lab.results import Estimate
 from lostmotion.lab.shooting.parameters import held
 from lostmotion.model import Model
@@ -24,13 +25,9 @@ from lostmotion.model.effects import get_effect
 from lostmotion.model.effects.base import SHAFT_TURNS
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["coasts", "direction", "free_states", "is_onward", "with_free_states", "with_scale"]
+__all__ = ["coasts", "free_states", "with_free_states", "with_scale"]
 
 log = logging.getLogger(__name__)
-
-PLACES, ONWARD = 100, 0.9
-"""Number of samples of an angle, and the least share of the distance between them that leads onward: a shaft that turns
-back by a tenth does not coast."""
 
 
 def with_scale(model: Model, experiments: Sequence[Experiment]) -> tuple[Model, tuple[Estimate, ...]]:
@@ -84,27 +81,8 @@ def _turns_one_way(experiments: Sequence[Experiment]) -> bool:
 def coasts(position: FloatArray, is_linear: bool) -> bool:
     """Whether a shaft with these angles (N,) [rad] turns in one direction, farther than a spring or a weight allows;
     false for a length (is_linear)."""
-    position = _seen(position)
+    position = seen(position)
     return not is_linear and abs(position[-1] - position[0]) > 2 * np.pi * SHAFT_TURNS and is_onward(position)
-
-
-def is_onward(position: FloatArray) -> bool:
-    """Whether a position (N,) changes in one direction.  It is compared at a hundred samples, as noise reverses between
-    neighbours."""
-    position = _seen(position)
-    steps = np.diff(position[np.linspace(0, position.size - 1, PLACES).astype(int)])
-    return abs(float(steps.sum())) > ONWARD * float(np.abs(steps).sum())
-
-
-def direction(positions: Iterable[FloatArray]) -> float:
-    """The direction in which all positions (N,) change, 1.0 or -1.0; 0.0 if they change in both."""
-    ways = {float(np.sign(one[-1] - one[0])) if is_onward(one) else 0.0 for one in map(_seen, positions)}
-    return ways.pop() if len(ways) == 1 else 0.0
-
-
-def _seen(position: FloatArray) -> FloatArray:
-    """The positions that were read."""
-    return np.asarray(position[np.isfinite(position)])
 
 
 def with_free_states(model: Model) -> Model:

@@ -11,6 +11,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from lostmotion.lab import policy
 from lostmotion.lab.data.blocks import numbered
 from lostmotion.lab.data.checks import FLAT_SHARE
 from lostmotion.lab.data.experiment import Experiment
+from lostmotion.lab.data.series import direction, is_onward
 from lostmotion.lab.data.supply import SUPPLIES
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import direction, is_onward
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, Signals
 from lostmotion.lab.results import Fit
 from lostmotion.lab.selection.evidence import Predictions
@@ -262,8 +263,7 @@ class _UsualJoint:
         found = self.inverse @ (self.regressors.T @ torque)
         residual = torque - self.regressors @ found
         scores = np.add.reduceat(self.regressors * residual[:, None], np.arange(BLOCKS) * torque.size // BLOCKS)
-        is_one_way = direction(one.experiment.measured[one.column] for one in self.signals)
-        losing = [1, 2, 5] if is_one_way else [1, 2]  # one direction does not distinguish friction from the constant
+        losing = self.losing
         wanted = np.zeros((2, found.size))
         wanted[0, 0] = 1 / self.size[0]
         wanted[1, losing] = self.regressors[:, losing].T @ self.regressors[:, 1] * self.size[1] / torque.size
@@ -272,6 +272,12 @@ class _UsualJoint:
         deviation, lost_deviation = np.linalg.norm(scores @ self.inverse @ wanted.T, axis=0).tolist()
         motion = sum(float(np.mean(one.smooth(one.velocity) ** 2)) for one in self.signals)
         return _JointFit(inertia, lost, deviation, lost_deviation, residual, rubs, float(torque.var()), motion)
+
+    @cached_property
+    def losing(self) -> list[int]:
+        """The regressors of friction; one direction does not distinguish it from the constant."""
+        is_one_way = direction(one.experiment.measured[one.column] for one in self.signals)
+        return [1, 2, 5] if is_one_way else [1, 2]
 
     @property
     def torque_hz(self) -> float:

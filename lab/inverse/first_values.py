@@ -16,11 +16,11 @@ from scipy.optimize import lsq_linear
 
 from lostmotion.lab import policy
 from lostmotion.lab.deadline import is_over
+from lostmotion.lab.inverse.free_parameters import largest_moving
 from lostmotion.lab.inverse.output_error import OutputError
 from lostmotion.lab.inverse.problem import InverseModel, Problem
 from lostmotion.lab.inverse.regression import Regression
 from lostmotion.lab.inverse.signals import Signals
-from lostmotion.lab.inverse.torques import inertia_of
 from lostmotion.lab.shooting.least_squares import projected_off
 from lostmotion.model import Model, ModelError
 from lostmotion.model.effects import get_effect
@@ -169,12 +169,11 @@ def _possible(
     that the inertia has in a motion that no input drives."""
     if data.is_driven:
         return points
-    largest = POSSIBLE * max(float(np.abs(one.acceleration).max()) for one in data.signals)
     torques = [full for full in names if points[0][0].parameters[full].unit in ("N m", "N")]
     return [
         (model, nuisance)
         for model, nuisance in points
-        if all(abs(model.parameters[full].value) <= largest * inertia_of(model) for full in torques)
+        if all(abs(model.parameters[full].value) <= POSSIBLE * largest_moving(model, data) for full in torques)
     ]
 
 

@@ -18,7 +18,7 @@ from lostmotion.lab.shooting.parameters import Unknown, Unknowns
 from lostmotion.model import Model, ModelError
 from lostmotion.model.motion import FloatArray
 
-__all__ = ["Objective", "possible", "prior_of", "scaled"]
+__all__ = ["Objective", "largest_moving", "possible", "prior_of", "scaled"]
 
 PRIOR = 0.1
 """Weight of the prior on the base's parameters while a fit is far off: a factor e costs as much as one sample with an
@@ -44,8 +44,8 @@ class Objective:
     Jacobian, for a minimiser; both in units of the signal, ``usual``.
 
     weight, near: (P,), weights and centres of the prior; high: the upper bounds of z (P + E,); most: see ``possible``,
-    beyond which a step is not simulated; known: where the
-    Jacobian was evaluated last, with the residual (M + P,) and the Jacobian (M + P, P + E) there.
+    beyond which a step is not simulated; known: where the Jacobian was evaluated last, with the residual (M + P,) and
+    the Jacobian (M + P, P + E) there.
     """
 
     model: Model
@@ -63,8 +63,10 @@ class Objective:
         """The residual (M + P,); the last one is kept, as a step is evaluated to be judged, and again for its
         derivatives."""
         if self._latest is None or not np.array_equal(self._latest[0], z):
-            is_possible = not self.known or (np.abs(self.unknowns.values(z)) <= self.most).all()
-            found = self._residuals([z])[0] if is_possible else np.full(sum(self.data.counts) + self.near.size, np.nan)
+            if not self.known or (np.abs(self.unknowns.values(z)) <= self.most).all():
+                found = self._residuals([z])[0]
+            else:
+                found = np.full_like(self.known[1], np.nan)
             self._latest = z.copy(), found
         return self._latest[1]
 
@@ -139,17 +141,21 @@ def scaled(unknowns: Unknowns, model: Model, data: Problem) -> Unknowns:
 def possible(unknowns: Unknowns, model: Model, data: Problem) -> FloatArray:
     """The largest values of the parameters (P,) that are simulated: of a joint that no input drives ``LARGEST`` times
     the torque of its inertia, or what has it.  A spring whose sensor has its zero elsewhere may have a larger force."""
-    torque = _largest_torque(model, data)
+    if model.base != "joint" or data.is_driven:
+        return np.full(len(unknowns.items), math.inf)
+    torque = largest_moving(model, data)
     most = {"N m": torque, "N": torque} | _per_motion(torque, data)
-    units = [model.parameters[name].unit for name in unknowns.names]
-    is_limited = model.base == "joint" and not data.is_driven
-    return np.array([LARGEST * most.get(unit, math.inf) if is_limited else math.inf for unit in units])
+    return np.array([LARGEST * most.get(model.parameters[name].unit, math.inf) for name in unknowns.names])
+
+
+def largest_moving(model: Model, data: Problem) -> float:
+    """The largest torque [N m] or force [N] of the inertia."""
+    return inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
 
 
 def _largest_torque(model: Model, data: Problem) -> float:
     """The largest torque [N m] or force [N] of the inertia, or of those that were measured."""
-    moving = inertia_of(model) * max(float(np.abs(one.acceleration).max()) for one in data.signals)
-    return max(moving, *(float(np.abs(one.torque).max()) for one in data.signals))
+    return max(largest_moving(model, data), *(float(np.abs(one.torque).max()) for one in data.signals))
 
 
 def _per_motion(torque: float, data: Problem) -> dict[str, float]:

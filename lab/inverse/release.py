@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from lostmotion.lab import policy
 from lostmotion.lab.data.energy import energy_gain, energy_loss, gains_energy, loses_none
 from lostmotion.lab.data.experiment import ACCEL, Experiment
+from lostmotion.lab.data.series import is_onward
 from lostmotion.lab.errors import ExperimentError
-from lostmotion.lab.fitting.identifiability import coasts, is_onward
+from lostmotion.lab.fitting.identifiability import coasts
 from lostmotion.lab.inverse.signals import LEAST_SAMPLES, REGRESSORS, Signals, is_moving
 from lostmotion.model.motion import FloatArray
 

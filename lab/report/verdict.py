@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from lostmotion.lab import policy, words
 from lostmotion.lab.comparison.compare import MENTIONED, Comparison
 from lostmotion.lab.data.experiment import axis_of
-from lostmotion.lab.fitting.identifiability import direction
+from lostmotion.lab.data.series import direction
 from lostmotion.lab.quantity import Interval, number, quantities, quantity, with_unit
 from lostmotion.lab.results import Displayed, Errors, Estimate, Explanation, Finding, Fit, InputLimit, Ladder
 from lostmotion.model.effects import get_effect

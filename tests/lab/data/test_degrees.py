@@ -52,3 +52,18 @@ def test_a_weight_tells_the_unit(
         values = {name: one.value for name, one in load(wanted).build().parameters.items()}
         assert values["gravity_torque.tau_g"] == pytest.approx(WEIGHT, rel=0.03)
         assert values["coulomb_friction.tau_c"] == pytest.approx(DRY, rel=0.05)
+
+
+def test_a_torque_of_zeros_tells_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A log may have a column of zeros where nothing measures the torque: the swing is free, with its angle in rad."""
+    time = np.arange(0.0, 10.0, 0.02)
+    angle = 60.0 * np.exp(-0.1 * time) * np.cos(3.0 * time)
+    file, model = tmp_path / "swing.csv", tmp_path / "swing.toml"
+    table = np.stack([time, angle, 0.0 * time], axis=1)
+    np.savetxt(file, table, "%.4f", ",", header="t,angle,torque", comments="")
+    model.write_text('base = "joint"\neffects = ["gravity_torque", "viscous_friction"]\n')
+    with caplog.at_level(logging.WARNING):
+        done = call("lab", "fit", model, file, "-o", tmp_path / "fitted.toml")
+    assert done.exit_code == 0, done.output
+    assert "the torque is zero throughout" in caplog.text
+    assert "the angle is taken as deg" not in caplog.text
