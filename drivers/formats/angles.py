@@ -1,4 +1,5 @@
-"""Angles whose unit nobody gives: in degrees where they cannot be in rad, and doubted where they may be anything."""
+"""Angles whose unit nobody gives: in degrees where they cannot be in rad, and doubted where they may be anything, as
+are large currents."""
 
 from __future__ import annotations
 
@@ -25,6 +26,8 @@ DEGREE = np.pi / 180
 TURN = 360
 COUNTED = f"*{np.pi / 2048:.8f}"
 """what makes rad of counts of 4096 a turn"""
+MOTOR_CURRENT = 100.0
+"""beyond that of a robot's motor [A]"""
 COUNTS = 90
 """half the swing in whole numbers, beyond which they may be counts of an encoder"""
 LEAST_BITS, EXACT = 8, 1e-6
@@ -128,6 +131,9 @@ def _doubts(one: Chosen, values: FloatArray) -> list[str]:
     if one.column == "displacement" and one.is_without_unit:
         millimetres = mapped(one.column, one.series, ":mm")
         return [f"displacement: no unit is given, and m are taken; if its numbers are in mm, use {millimetres}"]
+    if one.column == "current" and one.is_without_unit and values.size and np.abs(values).max() > MOTOR_CURRENT:
+        said = f"{values.min():.4g} to {values.max():.4g} were taken as A"
+        return [f"current: no unit is given, and {said}; if they are mA, use {mapped(one.column, one.series, ':mA')}"]
     if one.column not in ANGLES or one.unit or one.why == "given" or not values.size:
         return []
     is_whole = _are_whole(values) and float(np.ptp(values)) > 2 * np.pi

@@ -1,5 +1,5 @@
 """What an angle follows: of several goals the one that the drive asks for at each instant; an input that no name tells,
-``u``, may be the goal, or what drives a motor."""
+``u``, may be the goal, or what drives a motor; a servo has a goal also where no column has a name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lostmotion.drivers.formats.guess import MOTIONS, Chosen, Guess, mapped
 from lostmotion.drivers.formats.source import Part, Series, shown
 from lostmotion.drivers.formats.words import SPEED_LETTER, column_of, is_time
 
-__all__ = ["follows", "goals", "nearest"]
+__all__ = ["followed", "follows", "goals", "nearest"]
 
 NEAR, EXPLAINED = 0.1, 0.8
 """How far from 1 the gain of an angle that follows a goal may be, and the least share of the goal's variance that the
@@ -65,8 +65,7 @@ def goals(
     one, (times, values), motion, (_, angle) = kept[at], parts[at], kept[of], parts[of]
     if values.size != angle.size:
         return kept, list(parts), []
-    gains = follows(times, values, angle / motion.factor), _settles(values, angle / motion.factor)
-    gain = min(gains, key=lambda each: abs(each - 1))
+    gain = _gain(times, values, angle / motion.factor)
     if abs(gain - 1) > NEAR:
         return kept, list(parts), []
     taken = {each.series for each in chosen}
@@ -82,6 +81,30 @@ def goals(
         f"{mapped('voltage', one.series)}, or give what drives it: {mapped('voltage', drive)}"
     )
     return kept, [goal if place == at else part for place, part in enumerate(parts)], [said]
+
+
+def followed(
+    chosen: Sequence[Chosen], parts: Sequence[Part], left: Mapping[str, Part]
+) -> tuple[list[Chosen], list[Part]]:
+    """The columns of a servo and their times and values, with the first of the series without a name (``left``) that
+    the position follows, and does not precede, as the command."""
+    kept, own = list(chosen), list(parts)
+    of = next(at for at, one in enumerate(kept) if one.column in MOTIONS)
+    motion, angle = kept[of], own[of][1] / kept[of].factor
+    for name, (times, values) in left.items():
+        if values.size == angle.size and abs((gain := _gain(times, values, angle)) - 1) <= NEAR:
+            why = f"{shown(motion.series)} follows it with a gain of {gain:.2f}"
+            kept.append(replace(motion, column="command", series=name, why=why))
+            own.append((times, values * motion.factor))
+            break
+    return kept, own
+
+
+def _gain(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:
+    """The gain by which an angle (N,) follows a goal (N,), or settles at it, whichever is nearer to 1; 0 for neither,
+    or where the angle is ahead."""
+    gains = follows(times, goal, angle), _settles(goal, angle)
+    return min(gains, key=lambda each: abs(each - 1))
 
 
 def follows(times: FloatArray, goal: FloatArray, angle: FloatArray) -> float:

@@ -54,6 +54,8 @@ FORCE = "F"
 """the symbol of a force, and of a temperature where nothing moves"""
 GOAL = "r"
 """the symbol of a goal"""
+MOTOR_SPEED = 1000.0
+"""a speed beside a torque, beyond which it is taken in rpm: in rad/s it would be 9500 rpm"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
 NO_MOTION = "position: none; "
@@ -151,7 +153,7 @@ def guessed(
         elif found:
             chosen[column] = _chosen(column, found[0], Term(found[0].name), "by its name")
             notes += [f"{column}: also found {listed(found[1:])}"] if found[1:] else []
-    more, told = _inferred(moved, choice, joint, chosen, (moving or {}).get("speed", ""))
+    more, told = _inferred(moved, choice, joint, chosen, (moving or {}).get("speed", ""), spans)
     chosen, notes = chosen | more, notes + told
     chosen |= _eliminated(series, choice, clock, chosen, (moving or {}).get("rough", ""))
     if not chosen:
@@ -245,14 +247,15 @@ def _advised(
 
 
 def _inferred(
-    series: Sequence[Series], choice: Choice, joint: str, chosen: Mapping[str, Chosen], gyroscope: str
+    series: Sequence[Series], choice: Choice, joint: str, chosen: Mapping[str, Chosen], gyroscope: str, spans: Spans
 ) -> tuple[dict[str, Chosen], list[str]]:
     """The motion, by the name of its goal or by its speed, and what drives it, where no names say them; and what a
-    person should know.  gyroscope: the speed whose axis moves most."""
+    person should know.  gyroscope: the speed whose axis moves most; spans: see ``guessed``."""
     found = {} if "position" in {*chosen, *choice.terms} else _reached(series, chosen)
     notes: list[str] = []
     if not MOTIONS & {*chosen, *found, *choice.terms}:
-        speed, note = _speed([one for one in series if one.name == (gyroscope or one.name)], joint)
+        turning = [one for one in series if one.name == (gyroscope or one.name)]
+        speed, note = _speed(turning, joint, spans if POWERS & {*chosen} else unknown)
         found, notes = found | speed, notes + note
     if MOTIONS & {*chosen, *found} and not DRIVES & {*chosen, *choice.terms}:
         driven, note = _input(series, joint)
@@ -395,8 +398,9 @@ def _reached(series: Sequence[Series], chosen: Mapping[str, Chosen]) -> dict[str
     return {"position": _chosen("position", one, Term(one.name), f"what {goal} asks for")} if one else {}
 
 
-def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], list[str]]:
-    """The position as the integral of a speed, where a file has no other motion; and what a person should know."""
+def _speed(series: Sequence[Series], joint: str, spans: Spans) -> tuple[dict[str, Chosen], list[str]]:
+    """The position as the integral of a speed, where a file has no other motion; and what a person should know.
+    spans: see ``guessed``, of a motor."""
     found = [(one, unit) for one in series if (unit := speed_of(one.name)) is not None]
     own = [(one, unit) for one, unit in found if joint_of(one.name) in (joint, "") or len(found) == 1]
     one, unit = (own or found or [(Series(""), "")])[0]
@@ -404,6 +408,11 @@ def _speed(series: Sequence[Series], joint: str) -> tuple[dict[str, Chosen], lis
     if not (one.unit or unit) and _is_alone(series) and is_angular(one.name):
         unit, degrees = "rad/s", mapped("position", one.name, ":deg/s")
         notes = [f"position: no unit is given, and {shown(one.name)} is taken in rad/s; else use {degrees}"]
+    elif (
+        len(own) == 1 and not (one.unit or unit) and MOTOR_SPEED < max(map(abs, spans([one.name])[one.name])) < math.inf
+    ):
+        unit, other = "rpm", mapped("position", one.name, ":rad/s")
+        notes = [f"position: no unit is given, and {shown(one.name)} is taken in rpm; else use {other}"]
     if len(own) != 1 or not (one.unit or unit):
         told = f"{NO_MOTION}{mapped('position', one.name, ':rpm')} (or :rad/s) integrates a speed"
         return {}, [told] * bool(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
-from lostmotion.drivers.formats.goal import goals, nearest
+from lostmotion.drivers.formats.goal import followed, goals, nearest
 from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, NO_MOTION, POWERS, Chosen, Guess, guessed, unknown
 from lostmotion.drivers.formats.motion import (
     liveliest,
@@ -72,15 +72,17 @@ def imported(path: Path, choice: Choice) -> Imported:
     notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
     check_servo(kept, parts, str(path))
     kept = _of_axis(kept)
+    left = _unnamed(kept, source, clock, choice)
+    if left and choice.base == "servo":
+        kept, parts = followed(kept, parts, left)
     kept, parts, of_speed = by_speed(kept, parts, samples.values, _speeds(guess, source))
     kept, parts, told = in_degrees(kept, parts, source.series)
     kept, parts, of_goal = goals(kept, parts, source.series)
     left_drive = of_goal or unused(kept, parts, source.series)
-    notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *left_drive]
-    counting = source.counting if isinstance(source, Table) else ()
-    if left := unnamed(kept, source.series, {clock, *counting}):
+    if not left_drive and left and not any(one.column in DRIVES for one in kept):
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
-        notes += undriven(source.read(left, choice).values, motion)
+        left_drive = undriven(left, motion)
+    notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *left_drive]
     metadata = _metadata(source.kind, guess.joint, kept, samples)
     if left_drive and not POWERS & {*choice.terms}:
         metadata["imported"]["left_drive"] = left_drive[0]
@@ -107,6 +109,13 @@ def _guessed(source: Source, choice: Choice, path: Path) -> tuple[Guess, Samples
     guess = guessed(source.series, choice, str(path), clock, moving, spans)
     names = [one.series for one in (*guess.columns, *guess.goals)] + [one.name for one in _speeds(guess, source)]
     return guess, source.read(names, choice), clock
+
+
+def _unnamed(columns: Sequence[Chosen], source: Source, clock: str, choice: Choice) -> Mapping[str, Part]:
+    """The samples of the series without a name that may drive the motion, where no drive is known."""
+    counting = source.counting if isinstance(source, Table) else ()
+    left = unnamed(columns, source.series, {clock, *counting})
+    return source.read(left, choice).values if left else {}
 
 
 def _speeds(guess: Guess, source: Source) -> Sequence[Series]:

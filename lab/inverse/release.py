@@ -82,7 +82,7 @@ def _released(experiment: Experiment) -> Experiment:
 
 def _check_energy(signals: Signals, part: _FreePart) -> None:
     """Raises ExperimentError for a part that gains energy, as a joint under control does, or one whose neighbour
-    swings, and for one that loses none beside a command that is not used; warns of another one that loses none."""
+    swings, and for one that loses none beside what may drive it and is not used; warns of another that loses none."""
     free = (signals.time >= part.begins) & (signals.time <= part.ends)
     position, velocity = signals.position[free], signals.velocity[free]
     gain, (loss, passages) = energy_gain(position, velocity), energy_loss(position, velocity)
@@ -96,7 +96,7 @@ def _check_energy(signals: Signals, part: _FreePart) -> None:
     if loses_none(loss) and (said := signals.experiment.left_drive):
         raise ExperimentError(
             f"{signals.experiment.name}: found a motion that passes a place {passages} times and loses no energy, as "
-            f"one that is driven, and a command that is not used: {said}; if it moves freely all the same, use "
+            f"one that is driven, and what may drive it is not used: {said}; if it moves freely all the same, use "
             "--map torque="
         )
     if loses_none(loss):

@@ -140,6 +140,29 @@ def test_the_note_of_a_goal_says_what_to_type(tmp_path: Path) -> None:
     assert {one.column for one in read(path, "voltage=u").columns} == {"voltage", "position"}
 
 
+def test_a_servo_follows_a_goal_without_a_name(tmp_path: Path) -> None:
+    """A table without a header: time, goal, goal, angle, speed.  Another base has no goal, and what the angle precedes
+    is none."""
+    path, late = tmp_path / "sweep.csv", tmp_path / "late.csv"
+    goal, angle = driven(True)
+    table = np.column_stack([T, goal / 50, goal / 50, angle / 50, np.gradient(angle / 50, T)])
+    np.savetxt(path, table, fmt="%.6f", delimiter=",")
+    found = read(path, base="servo")
+    assert {one.column: one.series for one in found.columns} == {"command": "column2", "position": "column4"}
+    assert not [note for note in found.notes if "taken as free" in note]
+    assert [one.column for one in read(path).columns] == ["position"]
+    np.savetxt(late, np.column_stack([T, np.roll(angle, 150), angle, np.gradient(angle, T)]), fmt="%.6f", delimiter=",")
+    assert [one.column for one in read(late, base="servo").columns] == ["position"]
+
+
+def test_a_current_that_no_motor_of_a_robot_has_is_doubted(tmp_path: Path) -> None:
+    path = tmp_path / "arm.csv"
+    for size, is_told in ((1500.0, True), (15.0, False)):
+        table = np.column_stack([T, np.sin(5 * T), size * np.cos(5 * T)])
+        np.savetxt(path, table, fmt="%.6f", delimiter=",", header="t,position,current", comments="")
+        assert any("if they are mA, use --map current=current:mA" in note for note in read(path).notes) is is_told
+
+
 @pytest.mark.parametrize(("levels", "is_told"), [(1, False), (2, True), (3, True), (200, False)])
 def test_a_switched_input_without_a_name_is_told(levels: int, is_told: bool, tmp_path: Path) -> None:
     """A table without a header: time, a motor's voltage in a few steps, a swing and its speed.  What never changes, and

@@ -218,3 +218,15 @@ def test_a_counter_with_its_rate_in_its_name_is_proposed(name: str, per_row: int
     assert f"and no times; choose their series, as in {option}" in told
     term = told.split("--map '")[1].split("'")[0]
     assert np.ptp(read(path, term).recording.time) == pytest.approx(np.ptp(uneven) * float(term.split("*")[1]))
+
+
+def test_a_fast_motor_turns_in_rpm(tmp_path: Path) -> None:
+    """Beside its torque; a slower one may be in rad/s."""
+    path, speed = tmp_path / "axis.csv", 2000 * np.sin(3 * T)
+    for size, is_taken in ((1.0, True), (0.1, False)):
+        path.write_text("t,motor speed,torque\n" + rows(T, size * speed, np.cos(3 * T), sign=","))
+        found = read(path)
+        told = "motor speed is taken in rpm; else use --map 'position=motor speed:rad/s'"
+        assert any(told in note for note in found.notes) is is_taken
+        if is_taken:
+            assert np.ptp(found.recording.columns["position"]) == pytest.approx(2 * 2000 * np.pi / 30 / 3, rel=0.01)

@@ -294,6 +294,23 @@ def test_what_loses_no_energy_may_be_driven(motion: str, tmp_path: Path, caplog:
     assert ("loses no energy, as a motion that is driven" in caplog.text) == (motion in ("triangle", "sine"))
 
 
+@pytest.mark.parametrize("motion", ["triangle", "swing"])
+def test_what_loses_no_energy_beside_series_without_a_name_is_refused(motion: str, tmp_path: Path) -> None:
+    """A cylinder under test is pushed to and fro at one speed, beside its pressure and its force, in a table without
+    a header: it had the weight of an arm and a ripple."""
+    time = np.arange(1000) / 100
+    phase = 2 * np.pi * time
+    angle = 0.3 * (np.exp(-phase / 100) * np.sin(phase) if motion == "swing" else np.arcsin(np.sin(phase)))
+    rng = np.random.default_rng(1)
+    columns = np.stack([time, angle, np.gradient(angle, time), rng.normal(0, 0.1, time.size)], axis=1)
+    path = tmp_path / "cylinder.csv"
+    np.savetxt(path, columns + 1e-3 * rng.normal(size=(time.size, 1)) * [0, 1, 0, 0], "%.6f", ",")
+    result = call("lab", "compare", "joint", path)
+    assert (result.exit_code == 2) == (motion == "triangle"), result.output
+    if motion == "triangle":
+        assert "loses no energy, as one that is driven, and what may drive it is not used: column4" in result.output
+
+
 @pytest.mark.parametrize("motion", ["sine", "swing"])
 def test_what_loses_no_energy_beside_a_command_that_is_not_used_is_refused(motion: str, tmp_path: Path) -> None:
     """A motor under a sine, whose measured torque is zero throughout, had the weight of an arm.  The refusal says how
