@@ -20,7 +20,7 @@ from lostmotion.drivers.formats.words import (
     without_joint,
 )
 
-__all__ = ["LEAST", "LEVELS", "held", "undriven", "unnamed", "unused"]
+__all__ = ["LEAST", "LEVELS", "held", "levels", "undriven", "unnamed", "unused"]
 
 RARE = 0.1
 """messages of a command for each of the readings, below which the drive holds a value until the next one: of nine
@@ -88,10 +88,10 @@ def unnamed(chosen: Sequence[Chosen], series: Sequence[Series], clocks: Collecti
 def undriven(left: Mapping[str, Part], motion: Part) -> list[str]:
     """A note on each of these series, by name, that looks like a switched input; where none does, on those that change
     and are not how fast the motion changes."""
-    many = {name: _levels(values) for name, (_, values) in left.items() if values.size >= LEAST}
-    changing = {name: levels for name, levels in many.items() if levels > 1 and not _is_speed(left[name], motion)}
-    few = {name: levels for name, levels in changing.items() if levels <= LEVELS}
-    said = {f"{shown(name)} has {levels} values and is": name for name, levels in few.items()}
+    many = {name: levels(values) for name, (_, values) in left.items() if values.size >= LEAST}
+    changing = {name: count for name, count in many.items() if count > 1 and not _is_speed(left[name], motion)}
+    few = {name: count for name, count in changing.items() if count <= LEVELS}
+    said = {f"{shown(name)} has {count} values and is": name for name, count in few.items()}
     if changing and not few:
         said = {f"{', '.join(map(shown, changing))} {'is' if len(changing) == 1 else 'are'}": next(iter(changing))}
     return [
@@ -109,7 +109,8 @@ def _is_speed(part: Part, motion: Part) -> bool:
     return factor_of(np.interp(times, seen, position), values * np.gradient(times)) is not None
 
 
-def _levels(values: FloatArray) -> int:
+def levels(values: FloatArray) -> int:
+    """How many values a series (N,) has."""
     return int(np.unique(values[np.isfinite(values)]).size)
 
 

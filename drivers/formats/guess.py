@@ -6,7 +6,7 @@ import difflib
 import math
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from lostmotion.drivers.units import COLUMN_UNITS, MANY_TURNS, to_si
 __all__ = [
     "DRIVES",
     "MOTIONS",
+    "NOT_USED",
     "NO_MOTION",
     "POWERS",
     "Chosen",
@@ -42,6 +43,7 @@ __all__ = [
     "listed",
     "mapped",
     "named",
+    "not_used",
     "unknown",
 ]
 
@@ -58,6 +60,7 @@ MOTOR_SPEED = 1000.0
 """a speed beside a torque, beyond which it is taken in rpm: in rad/s it would be 9500 rpm"""
 SHOWN = 12
 MOVES_MOST = "it moves most"
+NOT_USED = "not used: "
 NO_MOTION = "position: none; "
 """how a note begins on what to type for the motion"""
 NEAREST = "the goal that the position follows most closely"
@@ -221,9 +224,7 @@ def _changing(series: Sequence[Series], spans: Spans) -> Sequence[Series]:
 def _of_left(series: Sequence[Series], chosen: Mapping[str, Chosen], notes: Sequence[str], spans: Spans) -> list[str]:
     """What is not used, and what to type for the motion where only what drives it was found, and nothing is said of a
     speed."""
-    used = {one.series for one in chosen.values()}
-    left = [one for one in series if one.name not in used and not is_time(one.name)]
-    told = [f"not used: {listed(left)}"] if left else []
+    left, told = _left(series, chosen.values()), not_used(series, chosen.values())
     if {"accel", *MOTIONS} & {*chosen} or any(note.startswith(("position", "accel")) for note in notes):
         return told
     left = _unnamed(left, "")
@@ -233,6 +234,17 @@ def _of_left(series: Sequence[Series], chosen: Mapping[str, Chosen], notes: Sequ
         return told
     name, span = moves
     return [*told, f"{NO_MOTION}if {shown(name)} is it, use {mapped('position', name, TURN.unit(span))}"]
+
+
+def not_used(series: Sequence[Series], chosen: Iterable[Chosen]) -> list[str]:
+    """A note on the series that are no columns."""
+    left = _left(series, chosen)
+    return [f"{NOT_USED}{listed(left)}"] if left else []
+
+
+def _left(series: Sequence[Series], chosen: Iterable[Chosen]) -> list[Series]:
+    used = {one.series for one in chosen}
+    return [one for one in series if one.name not in used and not is_time(one.name)]
 
 
 def _advised(

@@ -15,8 +15,19 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
-from lostmotion.drivers.formats.goal import followed, goals, nearest
-from lostmotion.drivers.formats.guess import DRIVES, MOTIONS, NO_MOTION, POWERS, Chosen, Guess, guessed, unknown
+from lostmotion.drivers.formats.goal import followed, goals, nearest, switched
+from lostmotion.drivers.formats.guess import (
+    DRIVES,
+    MOTIONS,
+    NO_MOTION,
+    NOT_USED,
+    POWERS,
+    Chosen,
+    Guess,
+    guessed,
+    not_used,
+    unknown,
+)
 from lostmotion.drivers.formats.motion import (
     liveliest,
     with_angle,
@@ -73,8 +84,10 @@ def imported(path: Path, choice: Choice) -> Imported:
     check_servo(kept, parts, str(path))
     kept = _of_axis(kept)
     left = _unnamed(kept, source, clock, choice)
-    if left and choice.base == "servo":
-        kept, parts = followed(kept, parts, left)
+    if left:
+        kept, parts = (followed if choice.base == "servo" else switched)(kept, parts, left)
+        notes = [note for note in notes if not note.startswith(NOT_USED)]
+        notes += not_used([one for one in source.series if one.name != clock], [*guess.columns, *kept])
     kept, parts, of_speed = by_speed(kept, parts, samples.values, _speeds(guess, source))
     kept, parts, told = in_degrees(kept, parts, source.series)
     kept, parts, of_goal = goals(kept, parts, source.series)

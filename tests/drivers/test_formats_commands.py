@@ -155,6 +155,27 @@ def test_a_servo_follows_a_goal_without_a_name(tmp_path: Path) -> None:
     assert [one.column for one in read(late, base="servo").columns] == ["position"]
 
 
+@pytest.mark.parametrize("is_driven", [True, False])
+def test_a_switched_input_that_the_acceleration_follows_drives(is_driven: bool, tmp_path: Path) -> None:
+    """A cart is driven to and fro by a current of either sign, which a table without a header has beside place and
+    speed.  A mark of the side on which a pendulum is has as many values, and drives nothing."""
+    place, speed, sent = (0.5, 0.0, 4.0) if is_driven else (1.5, 0.0, 0.0)
+    found = []
+    for _ in T:
+        sent = (-4.0 if place > 0.7 else 4.0 if place < 0.3 else sent) if is_driven else np.sign(place)
+        found.append((sent, place, speed))
+        force = 2 * sent - 1.2 * np.tanh(speed / 1e-2) if is_driven else -30 * np.sin(place) - 0.1 * speed
+        speed += 0.002 * force
+        place += 0.002 * speed
+    path = tmp_path / "cart.csv"
+    np.savetxt(path, np.column_stack([T, found]), fmt="%.6f", delimiter=",")
+    read_of = read(path)
+    columns = {one.column: one.series for one in read_of.columns}
+    assert columns == {"position": "column3", **({"voltage": "column2"} if is_driven else {})}
+    assert any("column2 has 2 values and is not used" in note for note in read_of.notes) is not is_driven
+    assert ("not used: column4" in read_of.notes) is is_driven
+
+
 def test_a_current_that_no_motor_of_a_robot_has_is_doubted(tmp_path: Path) -> None:
     path = tmp_path / "arm.csv"
     for size, is_told in ((1500.0, True), (15.0, False)):
