@@ -184,7 +184,9 @@ def read_recording(
 
 
 def _key(line: str) -> str:
-    """What makes a line about a file different from that about another one: of an assumed unit not the numbers."""
+    """What makes a line about a file, or a run, different from that about another one: not the number of the run, and
+    of an assumed unit no numbers."""
+    line = re.sub(r"\bRun #\d+", "", line)
     return re.sub(r"\d[\d.e+-]*", "", line) if "no unit is given, and" in line else line
 
 

@@ -6,17 +6,23 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.choice import PLUS
+from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
+from lostmotion.drivers.formats.read import runs_of
+from lostmotion.drivers.formats.registry import is_foreign
 from lostmotion.drivers.formats.words import UNNAMED
 from lostmotion.drivers.recording import Recording, read_recording
 
 __all__ = ["read_recordings"]
 
 log = logging.getLogger(__name__)
+
+MOST_RUNS = 30
+"""of a file that are read, as many as a search compares in its time"""
 
 Read = Callable[[str | Path, Sequence[str]], Recording]
 """reads a file with ``--map``"""
@@ -28,7 +34,9 @@ def read_recordings(
     """Reads several; what is the same of them is said once.  Files that have nothing in common but their number of
     rows, as angles in one and torques in another, are one recording.  A column without a name that is the position in
     most files is so in all of them, and an angle that is in degrees in one is so in all, but for a base that
-    moves along a line; see ``read_recording``.  Raises RecordingError."""
+    moves along a line; see ``read_recording``.  A file of several runs, of which none was chosen, is as many
+    recordings.  Raises RecordingError."""
+    paths = [each for path in paths for each in _runs(path, joint, terms)]
     told: set[str] = set()
     read: Read = partial(_read, joint, told, base)
     found: list[Recording | RecordingError] = []
@@ -53,6 +61,24 @@ def read_recordings(
         if isinstance(one, RecordingError):
             raise one
     return [one for one in found if isinstance(one, Recording)]
+
+
+def _runs(path: str | Path, joint: str, terms: Sequence[str]) -> list[str | Path]:
+    """The address of each run in a file, the first ``MOST_RUNS`` of very many; of one run, and of a file that cannot be
+    read, the path."""
+    file, choice = split_address(Path(path))
+    if not is_foreign(file):
+        return [path]
+    choice = replace(choice, joint=choice.joint or joint, terms={**parse_map(terms), **choice.terms})
+    count = 1
+    with suppress(RecordingError):
+        count = runs_of(file, choice)
+    if count == 1:
+        return [path]
+    used = min(count, MOST_RUNS)
+    said = "each is a recording" if used == count else f"the first {used} are used, each as a recording"
+    log.warning("%s: found %d runs: %s; for one of them FILE#episode=0", path, count, said)
+    return [f"{path}{',' if Path(path) != file else '#'}episode={at}" for at in range(used)]
 
 
 def _read(joint: str, told: set[str], base: str, path: str | Path, terms: Sequence[str]) -> Recording:

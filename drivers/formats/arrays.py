@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.matlab_child import STEP, columns_of
 from lostmotion.drivers.formats.source import reason
+from lostmotion.drivers.formats.sysid import tests_of
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.text import open_text
 from lostmotion.drivers.formats.vectors import check_size, table_of
@@ -49,17 +50,34 @@ def _columns(value: NDArray[Any], name: str) -> Iterator[tuple[str, NDArray[Any]
 
 @dataclass
 class _Runs:
-    """chosen: the number of the run that is read, None for the longest; count: of all runs, 0 where there is one."""
+    """chosen: the number of the run that is read, None for the longest; names: of the runs, where they have some;
+    count: of all runs, 0 where there is one."""
 
     chosen: int | None
+    names: Sequence[str] = ()
     count: int = 0
     note: str = ""
+
+    def of(self, rows: Sequence[Mapping[str, Any]], name: str) -> Mapping[str, Any]:
+        """That of these runs which is read; nothing where there is none of the number.  The first such list is that of
+        the runs, and has a note; of another one it is the longest."""
+        longest = max(range(len(rows)), key=lambda at: _rows_of(rows[at]))
+        if len(rows) < 2 or self.count:
+            return rows[longest]
+        at, self.count = longest if self.chosen is None else self.chosen, len(rows)
+        if not 0 <= at < len(rows):
+            return {}
+        held = f"{name or 'the list'} holds {len(rows)} runs"
+        held = f"{', '.join(self.names)} are the runs 0 to {len(rows) - 1}" if self.names else held
+        if self.chosen is None:
+            self.note = f"{held}: {at} is used, as in FILE#episode={at}"
+        return rows[at]
 
 
 def open_json(path: Path, episode: int | None = None) -> Table:
     """Lists of numbers by their keys, or the numbers of a list of objects, one a line or all in one; of a list of runs,
-    objects that hold lists, that of this number from 0, by default the longest.  What is no JSON is read as text.
-    Raises RecordingError."""
+    objects that hold lists, that of this number from 0, by default the longest; the tests of WPILib's SysId are such
+    runs.  What is no JSON is read as text.  Raises RecordingError."""
     check_size(str(path), path.stat().st_size)
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
@@ -69,29 +87,28 @@ def open_json(path: Path, episode: int | None = None) -> Table:
             held = [json.loads(line) for line in text.splitlines() if line.strip()]
         except (ValueError, RecursionError):
             return open_text(path)
-    runs = _Runs(episode)
-    vectors = dict(_vectors(held, "", 0, runs))
+    tests = tests_of(held)
+    runs = _Runs(episode, list(tests))
+    vectors = dict(_vectors(runs.of([*tests.values()], "") if tests else held, "", 0, runs))
     if episode is not None and not 0 <= episode < runs.count:
         raise RecordingError(f"{path}: found episode={episode}, expected 0 to {runs.count - 1}")
     table = table_of(str(path), "JSON", vectors, "as in {'time': [0, 0.01], 'angle': [0.1, 0.2]}")
     notes = [*table.notes, *filter(None, [runs.note])]
-    return replace(table, notes=notes, open_episode=partial(open_json, path) if runs.count else None)
+    return replace(table, notes=notes, open_episode=partial(open_json, path), runs=runs.count) if runs.count else table
+
+
+def _rows_of(run: Mapping[str, Any]) -> int:
+    """The length of the longest list in a run."""
+    return max((len(held) for held in run.values() if isinstance(held, list)), default=0)
 
 
 def _vectors(value: Any, name: str, depth: int, runs: _Runs) -> Iterator[tuple[str, NDArray[Any]]]:
     """The lists of numbers in a value; those of a list of objects are the columns of a table, but where these hold
-    lists of different lengths, or there is one of them, each is a run.  The first such list is that of the runs."""
+    lists of different lengths, or there is one of them, each is a run."""
     if isinstance(value, list) and value and all(isinstance(row, Mapping) for row in value):
-        lengths = [max((len(held) for held in row.values() if isinstance(held, list)), default=0) for row in value]
+        lengths = [_rows_of(row) for row in value]
         if max(lengths) > 1 and (len(lengths) == 1 or len({*lengths}) > 1):
-            chosen = lengths.index(max(lengths))
-            if len(value) > 1 and not runs.count:
-                chosen, runs.count = runs.chosen if runs.chosen is not None else chosen, len(value)
-                runs.note = (
-                    f"{name or 'the list'} holds {len(value)} runs: {chosen} is used, as in FILE#episode={chosen}"
-                )
-            if 0 <= chosen < len(value):
-                yield from _vectors(value[chosen], name, depth, runs)
+            yield from _vectors(runs.of(value, name), name, depth, runs)
             return
         keys = dict.fromkeys(key for row in value for key in row)
         value = {key: [row.get(key) for row in value] for key in keys}

@@ -36,7 +36,7 @@ from lostmotion.drivers.formats.motion import (
     without_still,
 )
 from lostmotion.drivers.formats.registry import open_source
-from lostmotion.drivers.formats.runs import of_one_run
+from lostmotion.drivers.formats.runs import of_one_run, runs_in
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
 from lostmotion.drivers.formats.swinging import drift_of
 from lostmotion.drivers.formats.table import Table
@@ -44,7 +44,7 @@ from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["Imported", "imported"]
+__all__ = ["Imported", "imported", "runs_of"]
 
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
@@ -67,21 +67,27 @@ class Imported:
         return [head, *(f"  {_column_line(one)}" for one in self.columns), *(f"  note: {note}" for note in self.notes)]
 
 
+def runs_of(path: Path, choice: Choice) -> int:
+    """How many runs a file holds, of which none was chosen.  Raises RecordingError."""
+    source = open_source(path)
+    return runs_in(source, choice) if isinstance(source, Table) else 1
+
+
 def imported(path: Path, choice: Choice) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
     source = open_source(path)
+    name = str(path) if choice.episode is None else f"{path}#episode={choice.episode}"
     still: Sequence[str] = ()
     if isinstance(source, Table):
-        one = source.of_episode(choice.episode)
-        source, still = without_still(with_angle(of_one_run(one, choice), choice), choice)
+        source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
     guess, samples, clock = _guessed(source, choice, path)
     if isinstance(source, Table) and (constant := _constant(guess, samples)):
         source = without_constant(source, choice, constant)
         guess, samples, clock = _guessed(source, choice, path)
     guess = nearest(guess, samples.values)
-    kept, parts, told = _filled(guess.columns, samples, str(path))
+    kept, parts, told = _filled(guess.columns, samples, name)
     notes = [*source.notes, *samples.notes, *still, *guess.notes, *told]
-    check_servo(kept, parts, str(path))
+    check_servo(kept, parts, name)
     kept = _of_axis(kept)
     left = _unnamed(kept, source, clock, choice)
     if left:
@@ -96,17 +102,15 @@ def imported(path: Path, choice: Choice) -> Imported:
         motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
         left_drive = undriven(left, motion)
     notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *left_drive]
-    metadata = _metadata(source.kind, guess.joint, kept, samples)
+    metadata = _metadata(source.kind, guess, kept, samples)
     if left_drive and not POWERS & {*choice.terms}:
         metadata["imported"]["left_drive"] = left_drive[0]
         metadata["imported"] |= {"follows_goal": True} if of_goal else {}
-    if left_motion := [note for note in guess.notes if note.startswith(NO_MOTION)]:
-        metadata["imported"]["left_motion"] = left_motion[0].removeprefix(NO_MOTION)
     parts, told = held(kept, parts)
     time, columns = _merged(kept, parts)
     if time.size and not time[-1] <= LARGEST:
-        raise RecordingError(f"{path}: found rows over {time[-1]:.3g} s, expected at most {LARGEST:g}")
-    recording = Recording(time, columns, metadata, name=str(path))
+        raise RecordingError(f"{name}: found rows over {time[-1]:.3g} s, expected at most {LARGEST:g}")
+    recording = Recording(time, columns, metadata, name=name)
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
 
 
@@ -205,10 +209,10 @@ def _merged(chosen: Sequence[Chosen], parts: Sequence[Part]) -> tuple[FloatArray
     return time, {one.column: columns[one.column] for one in chosen}
 
 
-def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples) -> dict[str, Any]:
+def _metadata(kind: str, guess: Guess, chosen: Sequence[Chosen], samples: Samples) -> dict[str, Any]:
     metadata = dict(samples.metadata)
-    if joint:
-        metadata["joint"] = _plain(joint)
+    if guess.joint:
+        metadata["joint"] = _plain(guess.joint)
     if samples.start is not None:
         metadata["start"] = samples.start
     metadata["imported"] = {"format": kind, **{one.column: _plain(one.series) for one in chosen}}
@@ -217,6 +221,8 @@ def _metadata(kind: str, joint: str, chosen: Sequence[Chosen], samples: Samples)
     metadata["imported"] |= {f"{one.column}_assumed": one.unit for one in assumed}
     if any(one.column == "position" and one.si == "rad" and one.is_without_unit for one in chosen):
         metadata["imported"]["position_without_unit"] = True
+    if left_motion := [note for note in guess.notes if note.startswith(NO_MOTION)]:
+        metadata["imported"]["left_motion"] = left_motion[0].removeprefix(NO_MOTION)
     return metadata | {f"{one.column}_unit": one.si for one in chosen if one.si != COLUMN_UNITS[one.column]}
 
 

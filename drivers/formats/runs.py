@@ -7,54 +7,69 @@ from dataclasses import replace
 
 import numpy as np
 
-from lostmotion.drivers.formats.guess import mapped
+from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import Choice, Series, shown
 from lostmotion.drivers.formats.swinging import power
 from lostmotion.drivers.formats.table import Table
-from lostmotion.drivers.formats.words import column_of, is_run, is_time, joint_of
+from lostmotion.drivers.formats.words import is_run, is_time, joint_of
 
-__all__ = ["of_one_run"]
+__all__ = ["STILL", "of_one_run", "runs_in"]
 
 STILL = 0.1
 """of the motion of another run: what is left of one whose pendulum hangs still (0.005 of a published one)"""
 
 
+def runs_in(table: Table, choice: Choice) -> int:
+    """How many runs a file holds, of which none was chosen: each may be a recording of its own."""
+    side_by_side = _runs(table, choice)
+    is_chosen = choice.episode is not None or _of_joint(side_by_side, choice)
+    return 1 if is_chosen else max(table.runs, len(side_by_side))
+
+
 def of_one_run(table: Table, choice: Choice) -> Table:
-    """The table with the columns of one run, where each column of times begins a run: the run of the joint that was
-    chosen, else the longest, of equal ones the first that moves; and a note that says how to take another.  Where
-    columns are given, it stays as it is."""
-    runs = _runs(table.series)
-    if len(runs) < 2 or "time" in choice.terms or choice.rate_hz is not None:
-        return table
+    """The table of the run with the number that was chosen.  Of runs side by side, where each column of times begins
+    one, else that of the joint that was chosen, else the longest, of equal ones the first that moves; and a note that
+    says how to take another.  Where columns are given, it stays as it is.  Raises RecordingError."""
+    runs = _runs(table, choice)
+    if not runs:
+        return table.of_episode(choice.episode)
+    if choice.episode is not None:
+        if choice.episode >= len(runs):
+            raise RecordingError(f"{table.name}: found episode={choice.episode}, expected 0 to {len(runs) - 1}")
+        return replace(table, series=runs[choice.episode])
+    own = _of_joint(runs, choice)
+    chosen = own[0] if own else _longest(table, runs)
+    note = (
+        f"{len(runs)} runs side by side: that with the times {shown(chosen[0].name)} is used; for another "
+        f"FILE#episode={int(chosen is runs[0])}"
+    )
+    return replace(table, series=chosen, notes=[*table.notes, note])
+
+
+def _of_joint(runs: Sequence[list[Series]], choice: Choice) -> list[list[Series]]:
+    """The runs of the joint that was chosen."""
+    return [run for run in runs if choice.joint and any(joint_of(one.name) == choice.joint for one in run[1:])]
+
+
+def _longest(table: Table, runs: Sequence[list[Series]]) -> list[Series]:
+    """The first of the longest runs whose variance is no mere noise beside that of the others."""
     loaded = table.load([one.name for run in runs for one in run[:2]])
     columns = {name: np.asarray(values, dtype=float) for name, values in loaded.items()}
     lengths = [int(np.count_nonzero(~np.isnan(columns[run[0].name]))) for run in runs]
     moved = [power(columns[run[1].name]) for run in runs]
-    own = [run for run in runs if choice.joint and any(joint_of(one.name) == choice.joint for one in run[1:])]
-    chosen = own[0] if own else _longest(runs, lengths, moved)
-    others = [run for run in runs if run is not chosen]
-    options = " ".join([mapped("time", others[0][0].name), *(mapped(*pair) for pair in _columns(others[0]))])
-    note = f"{len(runs)} runs side by side: that with the times {shown(chosen[0].name)} is used; for another {options}"
-    return replace(table, series=chosen, notes=[*table.notes, note])
-
-
-def _longest(runs: Sequence[list[Series]], lengths: Sequence[int], moved: Sequence[float]) -> list[Series]:
-    """The first of the longest runs whose variance is no mere noise beside that of the others."""
     longest = [i for i, length in enumerate(lengths) if length == max(lengths)]
     least = STILL**2 * max(moved[i] for i in longest)
     return runs[next(i for i in longest if moved[i] >= least)]
 
 
-def _columns(run: Sequence[Series]) -> list[tuple[str, str]]:
-    """The first column of a run with its series; the first series where no name says what it is."""
-    named = [(column, one.name) for one in run[1:] if (column := column_of(one.name))]
-    return named[:1] or [("position", run[1].name)]
-
-
-def _runs(series: Sequence[Series]) -> list[list[Series]]:
-    """The columns from each column of times to the next, where all of these but the first are numbered."""
+def _runs(table: Table, choice: Choice) -> list[list[Series]]:
+    """The columns from each column of times to the next, where all of these but the first are numbered; none where
+    there is one, or the times are given."""
+    series = table.series
     starts = [i for i, one in enumerate(series) if is_time(one.name)]
-    if not starts or starts[0] != 0 or not all(_is_next(series[0].name, series[i].name) for i in starts[1:]):
+    if "time" in choice.terms or choice.rate_hz is not None or len(starts) < 2 or starts[0] != 0:
+        return []
+    if not all(_is_next(series[0].name, series[i].name) for i in starts[1:]):
         return []
     runs = [list(series[a:b]) for a, b in zip(starts, [*starts[1:], len(series)], strict=True)]
     return runs if all(len(run) > 1 for run in runs) else []

@@ -70,6 +70,8 @@ class Table:
     metadata: Mapping[str, Any] = field(default_factory=dict)
     open_episode: Callable[[int], Table] | None = None
     """Reads another run of the file, by its number from 0; None where it holds one.  Raises RecordingError."""
+    runs: int = 1
+    """How many runs the file holds."""
     rate: tuple[str, float] = ("", 0.0)
     """What the file calls its rows a second, and how many it says; "" and 0.0 where it does not say it."""
 

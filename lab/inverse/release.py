@@ -120,7 +120,8 @@ def _free_part(signals: Signals) -> _FreePart:
 
     It begins after the last time at which the error of the acceleration, averaged over a third of a period, exceeds
     ``policy.MISSED`` times that of the surely free part.  Of an oscillator less than a period is not left out, as a
-    second mode that dies down looks alike.  A joint has none, and a hand deflects it within half a period.
+    second mode that dies down looks alike, unless it has less energy than the part after it.  A joint has no second
+    mode, and a hand deflects it within half a period.
 
     A rest before the motion is left out if it is longer than that of a free motion at its turning points, or ends like
     one that is held: a pendulum that falls from the upright hardly accelerates there, and no simulation from there
@@ -165,8 +166,17 @@ def _by_acceleration(signals: Signals, motion: _LocalMotion) -> tuple[int, bool]
     release = width + int(wrong[-1]) + 1 if wrong.size else 0
     after = mean[free.stop + width : -width] > policy.MISSED * usual
     acts_again = bool(signals.moving[motion.whole.stop :].any() if motion.coasts else after.any())
-    shortest = 0 if signals.column == "position" else PERIOD * width
+    shortest = 0 if signals.column == "position" or _is_pushed(signals, motion, release) else PERIOD * width
     return release if release >= shortest else 0, acts_again
+
+
+def _is_pushed(signals: Signals, motion: _LocalMotion, release: int) -> bool:
+    """Whether a mass has less energy before a sample than in as many after it, as one that a hand moves: a second mode
+    adds energy, and no free motion gains some.  An accelerometer feels a blow, whatever it does to the energy."""
+    if signals.column == ACCEL or not release:
+        return False
+    energy = motion.energy()
+    return float(energy[:release].mean()) < float(energy[release : 2 * release].mean())
 
 
 def _is_held(readings: FloatArray) -> bool:
@@ -273,9 +283,19 @@ class _LocalMotion:
     def unexplained(self, is_linear: bool) -> FloatArray:
         """The acceleration less a function of position and speed (N,), which is fitted where the motion is surely free;
         is_linear: whether the position is a length."""
+        inputs, found = self._law(is_linear)
+        return np.asarray(self.acceleration - inputs @ found)
+
+    def energy(self) -> FloatArray:
+        """The energy of a mass on a spring with a cubic part, by that function (N,), per mass."""
+        q, (constant, linear, cubic) = self.position, self._law(True)[1][:3]
+        return np.asarray(self.velocity**2 / 2 - constant * q - linear * q**2 / 2 - cubic * q**4 / 4)
+
+    def _law(self, is_linear: bool) -> tuple[FloatArray, FloatArray]:
+        """The regressors of the acceleration (N, K), those of the position first, and their coefficients (K,)."""
         q, v = self.position, self.velocity
         laws = [np.ones_like(q), q, q**3, *([] if is_linear else [np.sin(q), np.cos(q)])]
         inputs = np.stack([*([] if self.coasts else laws), v, np.sign(v), v * np.abs(v)], axis=1)
         size = np.maximum(np.linalg.norm(inputs[self.free], axis=0), 1e-300)
         found = np.linalg.lstsq(inputs[self.free] / size, self.acceleration[self.free], rcond=1e-6)[0]
-        return np.asarray(self.acceleration - (inputs / size) @ found)
+        return inputs, np.asarray(found / size)

@@ -20,6 +20,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.cells import date, number
 from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.words import column_of, is_time, speed_of
+from lostmotion.drivers.recordings import read_recordings
 from tests.drivers.test_formats import read, refused
 
 T = np.arange(300) / 30
@@ -175,7 +176,8 @@ def test_of_readings_in_two_units_those_of_the_column_are_used(tmp_path: Path) -
 
 
 def test_runs_side_by_side(tmp_path: Path) -> None:
-    """Each run has times of its own, and one ends earlier: the longest is read, and the line for another one works."""
+    """Each run has times of its own, and one ends earlier: the longest is read, and another one by its number; of
+    several recordings each run is one."""
     path = tmp_path / "agua.csv"
     lines = [
         f"{t:.2E};{np.degrees(y):.3f};0;" + (f"{t:.4f};{np.degrees(y) / 2:.4f};0" if t < 5 else ";;")
@@ -185,10 +187,14 @@ def test_runs_side_by_side(tmp_path: Path) -> None:
     found = read(path)
     assert found.recording.columns["position"] == pytest.approx(SWING, abs=1e-4)
     (note,) = [note for note in found.notes if "side by side" in note]
-    assert note.endswith("for another --map time=t2 --map position=theta2")
-    for other in (read(path, "time=t2", "position=theta2:deg").recording, read(path, joint="2").recording):
+    assert note.endswith("for another FILE#episode=1")
+    first, second = read_recordings([path])
+    assert first.columns["position"] == pytest.approx(SWING, abs=1e-4)
+    by_map = read(path, "time=t2", "position=theta2:deg").recording
+    for other in (by_map, read(path, joint="2").recording, read(path, episode=1).recording, second):
         assert other.columns["position"] == pytest.approx(SWING[T < 5] / 2, abs=1e-4)
         assert other.time == pytest.approx(T[T < 5], abs=1e-4)
+    assert f"{path}: found episode=2, expected 0 to 1" in refused(path, episode=2)
 
 
 @pytest.mark.parametrize("header", ["\ufefft,x,y,vx\n", ""])
@@ -358,6 +364,34 @@ def test_runs_in_json(tmp_path: Path) -> None:
     path.write_text(json.dumps({"data": [long]}))
     np.testing.assert_allclose(read(path, rate_hz=50).recording.columns["position"], 2 * SWING)
     assert "found episode=1, expected 0, as the file holds one run" in refused(path, rate_hz=50, episode=1)
+    path.write_text(json.dumps([long] * 40 + [short]))
+    several = read_recordings([f"{path}#rate-hz=50"])
+    assert [one.name for one in several] == [f"{path}#episode={at}" for at in range(30)]
+
+
+@pytest.mark.parametrize("unit", ["Radians", "Rotations"])
+def test_the_tests_of_sysid(unit: str, tmp_path: Path) -> None:
+    """Of WPILib's tool: rows of time, voltage, position and velocity in turns, or of the two sides of a drivetrain;
+    each test is a recording.  A file that is not as it says is other JSON."""
+    turns, path = SWING / (2 * np.pi), tmp_path / "sysid_data.json"
+    table = np.stack([T, 7 * np.cos(T), turns, np.gradient(turns, T)], axis=1)
+    file = {"sysid": True, "test": "Simple", "units": unit, "unitsPerRotation": 2 * np.pi}
+    path.write_text(json.dumps({**file, "fast-forward": table[:99].tolist(), "fast-backward": table.tolist()}))
+    forward, backward = read_recordings([path])
+    assert backward.columns["voltage"] == pytest.approx(7 * np.cos(T))
+    assert backward.columns["position"] == pytest.approx(SWING)
+    assert forward.columns["position"] == pytest.approx(SWING[:99])
+    assert "fast-forward, fast-backward are the runs 0 to 1: 1 is used, as in FILE#episode=1" in read(path).notes
+    sides = table[:, [0, 1, 1, 2, 2, 3, 3, 0, 0]] * [1, 1, 2, 1, 3, 1, 3, 1, 1]
+    drive = {**file, "test": "Drivetrain", "units": "Meters", "unitsPerRotation": 0.5}
+    path.write_text(json.dumps({**drive, "slow-forward": sides.tolist()}))
+    assert "choose with --joint NAME (or FILE#joint=NAME) from left, right" in refused(path)
+    right = read(path, joint="right").recording
+    assert right.unit("position") == "m"
+    assert right.columns["position"] == pytest.approx(1.5 * turns)
+    assert right.columns["voltage"] == pytest.approx(14 * np.cos(T))
+    path.write_text(json.dumps({**file, "slow-forward": table[:, :3].tolist()}))
+    assert "none that is clearly a column" in refused(path)
 
 
 def workbook(path: Path, days: float) -> None:

@@ -78,12 +78,13 @@ def test_a_command_that_is_held_alone_is_left_as_it_is() -> None:
     [
         (HELD, 3),
         (np.concatenate([HELD, np.zeros(90), HELD]), 3),
+        (np.repeat(np.concatenate([[0.0, 0.1, 0.5], np.arange(1.0, 60.0)]), 4), 4),
         (np.sin(np.arange(200.0)), 1),
         (np.floor(np.arange(400) / 7.0), 1),
         (np.round(20 * np.sin(np.arange(900) / 300)), 1),
         (np.round(3 * np.random.default_rng(1).standard_normal(900)), 1),
     ],
-    ids=["held", "held, with a rest", "fine", "even steps of an encoder", "a slow sine in steps", "coarse noise"],
+    ids=["held", "with a rest", "at one speed", "fine", "even steps of an encoder", "a slow sine in steps", "coarse"],
 )  # fmt: skip
 def test_steps_of_an_encoder_are_no_held_readings(values: FloatArray, rows: int) -> None:
     """What repeats because it hardly moves changes by one step at a time, or at uneven intervals."""

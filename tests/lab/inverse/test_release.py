@@ -169,6 +169,15 @@ def test_a_disk_on_a_spring_that_a_hand_deflects_within_half_a_period(tmp_path: 
     assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(FRICTION * 2e-4, rel=0.02)
 
 
+def test_a_mass_on_a_spring_that_a_hand_still_pushes(tmp_path: Path) -> None:
+    """It gains energy within less than a period, as no second mode makes it: with that part in the fit nothing was
+    named."""
+    whole = disk(3.0, 1.0)
+    pushed = whole.time > 0.4
+    one = Recording(whole.time[pushed], {"displacement": whole.columns["position"][pushed]}, name="pushed.csv")
+    assert explained(tmp_path, 'base = "oscillator"\n', [one])["missing"] == ["coulomb_friction"]
+
+
 @pytest.mark.slow
 def test_recordings_whose_sensors_have_different_zeros(tmp_path: Path) -> None:
     """The error is that of the steps of the sensor, not that of the zeros."""
