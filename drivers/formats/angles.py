@@ -17,7 +17,7 @@ from lostmotion.drivers.formats.swinging import SWINGS, crossings
 from lostmotion.drivers.formats.words import is_angle
 from lostmotion.drivers.units import MANY_TURNS, to_si
 
-__all__ = ["ASSUMED", "DEGREE", "are_alike", "check_servo", "doubts", "in_degrees", "in_rad"]
+__all__ = ["ASSUMED", "DEGREE", "are_alike", "check_servo", "check_swing", "doubts", "in_degrees", "in_rad"]
 
 ASSUMED = "; a swing"
 """the end of the reason for an angle that was read in degrees because nothing swings so far in rad"""
@@ -84,10 +84,14 @@ def are_alike(goal: FloatArray, angle: FloatArray) -> bool:
 
 def _is_swing_in_degrees(one: Chosen, values: FloatArray) -> bool:
     """Whether an angle without a unit goes to and fro so far that a pendulum in rad would turn over."""
-    if one.column != "position" or not one.is_without_unit or not values.size:
-        return False
     most = COUNTS if _are_whole(values) and not is_angle(one.series) else TURN
-    return bool(crossings(values) >= SWINGS and np.pi < np.ptp(values) / 2 <= most)
+    return _swings_beyond(one, values, np.pi) and not _swings_beyond(one, values, most)
+
+
+def _swings_beyond(one: Chosen, values: FloatArray, most: float) -> bool:
+    """Whether an angle without a unit goes to and fro by more than this."""
+    is_unknown = one.column == "position" and one.is_without_unit and values.size > 0
+    return is_unknown and crossings(values) >= SWINGS and float(np.ptp(values)) / 2 > most
 
 
 def check_servo(chosen: Sequence[Chosen], parts: Sequence[Part], name: str) -> None:
@@ -105,6 +109,20 @@ def check_servo(chosen: Sequence[Chosen], parts: Sequence[Part], name: str) -> N
         f"{name}: found whole numbers without a known unit, {numbers.min():g} to {numbers.max():g}, in "
         f"{' and '.join(shown(one.series) for one, _ in angles)}, expected rad, in which a servo with a goal does not "
         f"turn so often; if they are counts of 4096 a turn, use {counts}, if degrees, {degrees}"
+    )
+
+
+def check_swing(chosen: Sequence[Chosen], parts: Sequence[Part], series: Sequence[Series], name: str) -> None:
+    """Refuses an angle without a unit that nothing drives, and that goes to and fro beyond half a turn in rad and any
+    angle in degrees, as counts of an encoder do.  Raises RecordingError."""
+    one, (_, values) = chosen[0], parts[0]
+    if len(chosen) > 1 or one.why == "given" or not _swings_beyond(one, values, np.pi) or unused(chosen, parts, series):
+        return
+    counts, degrees = (mapped(one.column, one.series, unit) for unit in (COUNTED, ":deg"))
+    raise RecordingError(
+        f"{name}: found a swing from {values.min():g} to {values.max():g} without a known unit in {shown(one.series)}, "
+        f"expected rad, in which nothing swings so far; if these are counts of 4096 a turn, use {counts}, if degrees, "
+        f"{degrees}"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.angles import ASSUMED, check_servo, doubts, in_degrees
+from lostmotion.drivers.formats.angles import ASSUMED, check_servo, check_swing, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.goal import followed, goals, nearest, switched
@@ -96,11 +96,10 @@ def imported(path: Path, choice: Choice) -> Imported:
         notes += not_used([one for one in source.series if one.name != clock], [*guess.columns, *kept])
     kept, parts, of_speed = by_speed(kept, parts, samples.values, _speeds(guess, source))
     kept, parts, told = in_degrees(kept, parts, source.series)
+    if choice.base == "joint":
+        check_swing(kept, parts, source.series, name)
     kept, parts, of_goal = goals(kept, parts, source.series)
-    left_drive = of_goal or unused(kept, parts, source.series)
-    if not left_drive and left and not any(one.column in DRIVES for one in kept):
-        motion = next(part for one, part in zip(kept, parts, strict=True) if one.column in MOTIONS)
-        left_drive = undriven(left, motion)
+    left_drive = of_goal or unused(kept, parts, source.series) or _undriven(kept, parts, left)
     notes += [*of_speed, *told, *goal_beside(kept, parts), *doubts(kept, parts), *left_drive]
     metadata = _metadata(source.kind, guess, kept, samples)
     if left_drive and not POWERS & {*choice.terms}:
@@ -133,6 +132,13 @@ def _unnamed(columns: Sequence[Chosen], source: Source, clock: str, choice: Choi
     counting = source.counting if isinstance(source, Table) else ()
     left = unnamed(columns, source.series, {clock, *counting})
     return source.read(left, choice).values if left else {}
+
+
+def _undriven(chosen: Sequence[Chosen], parts: Sequence[Part], left: Mapping[str, Part]) -> list[str]:
+    """Notes on the series without a name that may drive the motion, where nothing else does."""
+    if not left or any(one.column in DRIVES for one in chosen):
+        return []
+    return undriven(left, next(part for one, part in zip(chosen, parts, strict=True) if one.column in MOTIONS))
 
 
 def _speeds(guess: Guess, source: Source) -> Sequence[Series]:

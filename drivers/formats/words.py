@@ -91,6 +91,8 @@ UNITS = {
 RUN = re.compile(r"\s*(?:\bRun\s*#?\s*\d+|\bMonitor Run|#\d+|\(\d+\)|(?<=[A-Za-z])_?\d+)\s*$", re.IGNORECASE)
 """the number of a run at the end of a name: ``Position (m) Run #1``, ``t2``; of the second of its name in ``t (4)``; or
 the run that is shown while it is measured, which has none: ``Position (cm) Monitor Run``"""
+FILE, SPAN = re.compile(r"\.(?:txt|csv|dat)$", re.IGNORECASE), re.compile(r"\s*[+-]?[\d.]+\s*[:,]\s*[+-]?[\d.]+\s*")
+"""the end of a file's name, as columns are called that were files; and a range in brackets: ``command [-1:1]``"""
 RATE = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
 """how often something was counted"""
 UNNAMED = re.compile(r"column\d+")
@@ -120,8 +122,12 @@ TRANSLATED = {
     "output": "saida salida uscita ausgang",
     "error": "erro erreur errore fehler",
     "effort": "esforco esfuerzo sforzo",
+    "actual position": "posa",
+    "goal position": "posd",
+    "actual velocity": "vela",
+    "goal velocity": "veld",
 }
-"""words of other languages without their accents"""
+"""words of other languages without their accents, and abbreviations of two words in one"""
 ENGLISH = {word: english for english, words in TRANSLATED.items() for word in words.split()}
 SIGNS = {
     "角加速度": " angular acceleration ", "角速度": " angular velocity ", "加速度": " acceleration ",
@@ -305,9 +311,9 @@ def joint_of(name: str) -> str:
     """The joint in a name: the text in brackets, else what is left of the path without the usual words."""
     if name in COLUMN_UNITS or UNNAMED.fullmatch(name):
         return ""
-    name = _english(name)
+    name = FILE.sub("", _english(name))
     for bracket in re.findall(r"\[([^\]]+)\]", name):
-        if to_si(_spelt(bracket)) is not None:
+        if to_si(_spelt(bracket)) is not None or SPAN.fullmatch(bracket):
             continue
         if bracket.isdigit():
             return str(bracket)

@@ -287,7 +287,7 @@ def _sharp(model: Model, rough: Model) -> Model:
     bare = build_model(model.base, model.effects)
     stated = {name: p for name, p in {**bare.parameters, **rough.parameters}.items() if name.endswith(".omega_0")}
     widths = {
-        name: replace(p, value=max(p.value, model.parameters[name].value / SHARPER))
+        name: p.updated(max(p.value, model.parameters[name].value / SHARPER))
         for name, p in stated.items()
         if name in model.parameters
     }

@@ -131,15 +131,11 @@ def _free_part(signals: Signals) -> _FreePart:
     The part ends with a rest that is at most as long as the motion, as the noise of a longer one narrows the band, or
     with the motion where something acts again afterwards.
 
-    Raises ExperimentError for a part that keeps its speed all the same, as a motor's shaft does, and for a motion of
-    fewer samples than a local polynomial has, as a step of a controller.
+    Raises ExperimentError for a part that keeps its speed all the same, as a motor's shaft does, and for a motion that
+    is too short; see ``_check_length``.
     """
     motion, time = _LocalMotion.of(signals), signals.time
-    if (found := motion.whole.stop - motion.whole.start) < motion.width:
-        raise ExperimentError(
-            f"{signals.experiment.name}: found a motion of {found} samples and rests before and after it, expected at "
-            f"least {motion.width} in motion: was it recorded too slowly, or was it moved by a step?"
-        )
+    _check_length(signals, motion)
     free, width, release, acts_again = motion.free, motion.width, 0, False
     if free.stop - free.start >= max(LEAST_SAMPLES, width) * REGRESSORS:  # a width is as good as one sample
         release, acts_again = _by_acceleration(signals, motion)
@@ -154,6 +150,24 @@ def _free_part(signals: Signals) -> _FreePart:
     return _FreePart(
         float(time[release]) if release else -math.inf, float(time[end]) if end < time.size else math.inf, acts_again
     )
+
+
+def _check_length(signals: Signals, motion: _LocalMotion) -> None:
+    """Raises ExperimentError for a motion of fewer samples than a local polynomial has, as a step of a controller, and
+    for one that is at rest sooner after its largest speed than such a polynomial has parameters: 3 samples of a motor
+    that is switched off, 77 and more of dropped arms."""
+    name = signals.experiment.name
+    if (found := motion.whole.stop - motion.whole.start) < motion.width:
+        raise ExperimentError(
+            f"{name}: found a motion of {found} samples and rests before and after it, expected at least "
+            f"{motion.width} in motion: was it recorded too slowly, or was it moved by a step?"
+        )
+    found = motion.free.stop - motion.free.start
+    if found <= ORDER and motion.whole.stop + motion.width < signals.time.size:
+        raise ExperimentError(
+            f"{name}: found a motion that rests {found} samples after its largest speed, expected more than {ORDER} of "
+            "one that nothing drives: was it stopped by a drive or a brake, or is it no angle?"
+        )
 
 
 def _by_acceleration(signals: Signals, motion: _LocalMotion) -> tuple[int, bool]:

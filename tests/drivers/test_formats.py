@@ -81,6 +81,9 @@ def refused(path: Path, *terms: str, **choice: Any) -> str:
         ("leftHipYawPos", "position", "leftHipYaw"),
         ("q_des_3", "command", "3"),
         ("pos_meas1", "position", "1"),
+        ("posa1.txt", "position", "1"),
+        ("posd1.txt", "command", "1"),
+        ("Back-end Encoder [0:5]", "position", "Back-end"),
         ("commanded_deg_s", None, ""),
         ("feedback (rad/s)", None, ""),
     ],
@@ -216,6 +219,12 @@ def test_lines_that_name_their_numbers(tmp_path: Path) -> None:
     assert found.time[-1] == pytest.approx(0.29)
     np.testing.assert_allclose(found.columns["position"], np.radians(np.arange(30) + 0.5))
     np.testing.assert_allclose(found.columns["command"], np.radians(-10.0))
+    banner = "=~=~=~=~= PuTTY log 2018.05.10 12:39:00 =~=~=~=~=\n"
+    path.write_text(banner + "".join(f"t,{10007 * k},PWM,{k // 20},Enc,{k / 2:.2f}\n" for k in range(60)))
+    found = read(path).recording
+    assert found.time[-1] == pytest.approx(59 * 0.010007)
+    np.testing.assert_allclose(found.columns["position"], np.arange(60) / 2)
+    np.testing.assert_allclose(found.columns["voltage"], np.arange(60) // 20)
 
 
 def test_a_recording_in_several_files(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from lostmotion.daemon.cli import cli
-from tests.drivers.test_formats import read
+from tests.drivers.test_formats import read, refused
 from tests.drivers.test_formats_as_saved import rows
 
 T = np.arange(400) * 0.02
@@ -69,6 +69,18 @@ def test_whole_numbers_over_a_turn_are_doubted(tmp_path: Path) -> None:
     assert "whole numbers, which rad hardly are, -4 to 4 were taken as rad" in note
     assert note.endswith("use --map position=q:deg, if counts of 4096 a turn, --map 'position=q*0.00153398'")
     assert not [one for one in read(saved(tmp_path / "y.csv", "t,q,tau", 4 * SWING, SWING)).notes if "no unit" in one]
+
+
+def test_a_swing_in_counts_is_asked_about(tmp_path: Path) -> None:
+    """Nothing swings by 900 rad, nor by 900 degrees; a shaft that a motor drives may, and whoever says so."""
+    path = saved(tmp_path / "x.csv", "t,q", np.rint(2048 + 900 * SWING))
+    said = refused(path, base="joint")
+    assert (
+        "in which nothing swings so far; if these are counts of 4096 a turn, use --map 'position=q*0.00153398'" in said
+    )
+    assert np.ptp(read(path, "position=q:rad", base="joint").recording.columns["position"]) > 1700
+    driven = saved(tmp_path / "y.csv", "t,q,tau", np.rint(2048 + 900 * SWING), SWING)
+    assert np.ptp(read(driven, base="joint").recording.columns["position"]) > 1700
 
 
 @pytest.mark.parametrize(("unit", "si"), [("mm", "N"), ("deg", "N m")])

@@ -298,6 +298,16 @@ def test_an_inertia_that_hardly_accelerates_stays_where_it_was(tmp_path: Path) -
     assert answer["parameters"]["J"][0] > 1e-6
 
 
+def test_an_angle_in_counts_of_an_encoder(tmp_path: Path) -> None:
+    """65536 a turn, as if they were rad: the speeds within which friction changes its sign are beyond their bounds."""
+    turned = [turning(seed, speed, 0.0, 1.0) for seed, speed in enumerate((2.0, -2.0))]
+    counts = [
+        replace(one, columns={**one.columns, "position": np.rint(one.columns["position"] * 65536 / (2 * np.pi))})
+        for one in turned
+    ]
+    assert explained(tmp_path, 'base = "joint"\n', counts)["missing"] == ["coulomb_friction"]
+
+
 @pytest.mark.slow
 def test_a_comparison_of_a_driven_joint_is_one_of_torques(tmp_path: Path) -> None:
     """With the true law, what is left of the torque in a closed loop is its disturbance, and without friction ten

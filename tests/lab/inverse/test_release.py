@@ -236,6 +236,14 @@ def test_a_step_of_a_controller_is_no_free_motion() -> None:
         released([measured(angle)])
 
 
+def test_a_motor_that_is_switched_off_is_no_free_motion() -> None:
+    """Its speed, taken for an angle, is noise about a level until it falls within three readings, and rests then."""
+    level = np.where(np.abs(TIMES % 4.0 - 2.0) < 1.0, 13.0, 0.0)
+    noise = np.where(level > 0, np.random.default_rng(8).normal(0.0, 0.2, TIMES.size), 0.0)
+    with pytest.raises(ExperimentError, match=r"rests \d samples after its largest speed"):
+        released([measured(level + noise)])
+
+
 @pytest.mark.slow
 def test_an_arm_that_is_dropped_and_hangs_still(tmp_path: Path) -> None:
     """Of six seconds it moves for one, after a hand held it: both frictions are found, right to 3 %.  The noise of the
