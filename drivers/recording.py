@@ -25,7 +25,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec import recording_csv
 from lostmotion.drivers.errors import RecordingError, unreadable, unwritable
 from lostmotion.drivers.formats.choice import parse_map, split_address
-from lostmotion.drivers.formats.registry import is_foreign
+from lostmotion.drivers.formats.registry import Opener, is_foreign, open_source
 from lostmotion.drivers.pacing import as_utc
 from lostmotion.drivers.pipes import STANDARD, to_output
 from lostmotion.drivers.ticks import evened
@@ -153,15 +153,16 @@ def read_recording(
     told: set[str] | None = None,
     *,
     base: str = "",
+    opened: Opener = open_source,
 ) -> Recording:
     """Reads a recording and converts the units that its metadata name to SI.
 
     A file of another program is read as well (``formats/``); what was taken for what is logged as a warning, and
     ``FILE#joint=elbow,position=SERIES:deg`` sets it.  joint: which one of such a file is meant, if it has one of that
     name; terms: ``position=SERIES:deg`` for columns that the address does not have; told: what was said of other files,
-    and is not repeated; base: of the lab's models, for which it is read.  A last line that was cut off
-    (a recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line: the file, the
-    line, what was found and expected, and the likely cause.
+    and is not repeated; base: of the lab's models, for which it is read; opened: what opens such a file.  A last line
+    that was cut off (a recorder was killed) is left out and counted in ``truncated``.  Raises RecordingError, one line:
+    the file, the line, what was found and expected, and the likely cause.
     """
     path, choice = split_address(Path(path))
     choice = replace(choice, terms={**parse_map(terms), **choice.terms})
@@ -171,7 +172,7 @@ def read_recording(
     else:
         from lostmotion.drivers.formats.read import imported
 
-        found = imported(path, replace(choice, hint=joint, base=base))
+        found = imported(path, replace(choice, hint=joint, base=base), opened)
         known = set() if told is None else told
         head, *lines = found.lines()
         new = [line for line in lines if _key(line) not in known]

@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.read import runs_of
-from lostmotion.drivers.formats.registry import is_foreign
+from lostmotion.drivers.formats.registry import Opener, is_foreign, open_source
 from lostmotion.drivers.formats.words import UNNAMED
 from lostmotion.drivers.recording import Recording, read_recording
 
@@ -36,9 +36,10 @@ def read_recordings(
     most files is so in all of them, and an angle that is in degrees in one is so in all, but for a base that
     moves along a line; see ``read_recording``.  A file of several runs, of which none was chosen, is as many
     recordings.  Raises RecordingError."""
-    paths = [each for path in paths for each in _runs(path, joint, terms)]
+    opened: Opener = lru_cache(maxsize=1)(open_source)  # runs of one file stand one after another
+    given, paths = paths, [each for path in paths for each in _runs(path, joint, terms, opened)]
     told: set[str] = set()
-    read: Read = partial(_read, joint, told, base)
+    read: Read = partial(_read, joint, told, base, opened)
     found: list[Recording | RecordingError] = []
     for path in paths:
         try:
@@ -46,11 +47,11 @@ def read_recordings(
         except RecordingError as error:
             found.append(error)
     recordings = [one for one in found if isinstance(one, Recording)]
-    whole = partial(_read, joint, set(), base, PLUS.join(map(str, paths)), terms)
-    if len(recordings) < len(paths) > 1:
+    whole = partial(_read, joint, set(), base, opened, PLUS.join(map(str, given)), terms)
+    if len(recordings) < len(paths) == len(given) > 1:
         with suppress(RecordingError):
             return [whole()]
-    elif _are_parts(recordings):
+    elif len(paths) == len(given) and _are_parts(recordings):
         return [whole()]
     for at, term in enumerate(_agreed(found, base == "oscillator")):
         if term:
@@ -63,7 +64,7 @@ def read_recordings(
     return [one for one in found if isinstance(one, Recording)]
 
 
-def _runs(path: str | Path, joint: str, terms: Sequence[str]) -> list[str | Path]:
+def _runs(path: str | Path, joint: str, terms: Sequence[str], opened: Opener) -> list[str | Path]:
     """The address of each run in a file, the first ``MOST_RUNS`` of very many; of one run, and of a file that cannot be
     read, the path."""
     file, choice = split_address(Path(path))
@@ -72,7 +73,7 @@ def _runs(path: str | Path, joint: str, terms: Sequence[str]) -> list[str | Path
     choice = replace(choice, joint=choice.joint or joint, terms={**parse_map(terms), **choice.terms})
     count = 1
     with suppress(RecordingError):
-        count = runs_of(file, choice)
+        count = runs_of(opened(file), choice)
     if count == 1:
         return [path]
     used = min(count, MOST_RUNS)
@@ -81,8 +82,8 @@ def _runs(path: str | Path, joint: str, terms: Sequence[str]) -> list[str | Path
     return [f"{path}{',' if Path(path) != file else '#'}episode={at}" for at in range(used)]
 
 
-def _read(joint: str, told: set[str], base: str, path: str | Path, terms: Sequence[str]) -> Recording:
-    return read_recording(path, joint, terms, told, base=base)
+def _read(joint: str, told: set[str], base: str, opened: Opener, path: str | Path, terms: Sequence[str]) -> Recording:
+    return read_recording(path, joint, terms, told, base=base, opened=opened)
 
 
 def _are_parts(recordings: Sequence[Recording]) -> bool:

@@ -74,10 +74,10 @@ class _Runs:
         return rows[at]
 
 
-def open_json(path: Path, episode: int | None = None) -> Table:
+def open_json(path: Path) -> Table:
     """Lists of numbers by their keys, or the numbers of a list of objects, one a line or all in one; of a list of runs,
-    objects that hold lists, that of this number from 0, by default the longest; the tests of WPILib's SysId are such
-    runs.  What is no JSON is read as text.  Raises RecordingError."""
+    objects that hold lists, the longest or that of a number from 0; the tests of WPILib's SysId are such runs.  What is
+    no JSON is read as text.  Raises RecordingError."""
     check_size(str(path), path.stat().st_size)
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
@@ -87,14 +87,22 @@ def open_json(path: Path, episode: int | None = None) -> Table:
             held = [json.loads(line) for line in text.splitlines() if line.strip()]
         except (ValueError, RecursionError):
             return open_text(path)
+    return _table(path, held)
+
+
+def _table(path: Path, held: Any, episode: int | None = None) -> Table:
+    """The table of what a file of JSON holds, of several runs that of this number, by default the longest.  Raises
+    RecordingError."""
     tests = tests_of(held)
     runs = _Runs(episode, list(tests))
     vectors = dict(_vectors(runs.of([*tests.values()], "") if tests else held, "", 0, runs))
     if episode is not None and not 0 <= episode < runs.count:
         raise RecordingError(f"{path}: found episode={episode}, expected 0 to {runs.count - 1}")
     table = table_of(str(path), "JSON", vectors, "as in {'time': [0, 0.01], 'angle': [0.1, 0.2]}")
-    notes = [*table.notes, *filter(None, [runs.note])]
-    return replace(table, notes=notes, open_episode=partial(open_json, path), runs=runs.count) if runs.count else table
+    if not runs.count:
+        return table
+    notes = [*table.notes, runs.note] if runs.note else table.notes
+    return replace(table, notes=notes, open_episode=partial(_table, path, held), runs=runs.count)
 
 
 def _rows_of(run: Mapping[str, Any]) -> int:

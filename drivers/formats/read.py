@@ -35,7 +35,7 @@ from lostmotion.drivers.formats.motion import (
     without_inertia,
     without_still,
 )
-from lostmotion.drivers.formats.registry import open_source
+from lostmotion.drivers.formats.registry import Opener, open_source
 from lostmotion.drivers.formats.runs import of_one_run, runs_in
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
 from lostmotion.drivers.formats.swinging import drift_of
@@ -67,15 +67,14 @@ class Imported:
         return [head, *(f"  {_column_line(one)}" for one in self.columns), *(f"  note: {note}" for note in self.notes)]
 
 
-def runs_of(path: Path, choice: Choice) -> int:
-    """How many runs a file holds, of which none was chosen.  Raises RecordingError."""
-    source = open_source(path)
+def runs_of(source: Source, choice: Choice) -> int:
+    """How many runs a file holds, of which none was chosen."""
     return runs_in(source, choice) if isinstance(source, Table) else 1
 
 
-def imported(path: Path, choice: Choice) -> Imported:
+def imported(path: Path, choice: Choice, opened: Opener = open_source) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
-    source = open_source(path)
+    source = opened(path)
     name = str(path) if choice.episode is None else f"{path}#episode={choice.episode}"
     still: Sequence[str] = ()
     if isinstance(source, Table):

@@ -14,7 +14,7 @@ from lostmotion.drivers.formats.source import Source
 from lostmotion.drivers.formats.words import column_of, is_input
 from lostmotion.drivers.units import COLUMN_UNITS
 
-__all__ = ["FORMATS", "Format", "is_foreign", "open_source"]
+__all__ = ["FORMATS", "Format", "Opener", "is_foreign", "open_source"]
 
 EXPECTED = (
     "lostmotion's CSV, PlotJuggler's or other text, a workbook, MAT, NumPy, JSON, Parquet, MCAP, rosbag2 or a "
@@ -29,6 +29,8 @@ NUMBERS = re.compile(r"[\s,;|.eE+-]*\d[\d\s,;|.eE+:/-]*")
 """a row without names, which may begin with a date or a time of day"""
 START = 1 << 16
 """bytes that are looked at"""
+Opener = Callable[[Path], Source]
+"""opens a file.  Raises RecordingError"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +128,9 @@ def _open_folder(path: Path) -> Source:
     raise RecordingError(f"{path}: found a folder with {', '.join(there) or 'nothing in it'}, expected {EXPECTED}")
 
 
-def _opener(name: str) -> Callable[[Path], Source]:
+def _opener(name: str) -> Opener:
     module, _, function = name.partition(":")
-    opener: Callable[[Path], Source] = getattr(import_module(f"lostmotion.drivers.formats.{module}"), function)
+    opener: Opener = getattr(import_module(f"lostmotion.drivers.formats.{module}"), function)
     return opener
 
 

@@ -22,8 +22,7 @@ STILL = 0.1
 def runs_in(table: Table, choice: Choice) -> int:
     """How many runs a file holds, of which none was chosen: each may be a recording of its own."""
     side_by_side = _runs(table, choice)
-    is_chosen = choice.episode is not None or _of_joint(side_by_side, choice)
-    return 1 if is_chosen else max(table.runs, len(side_by_side))
+    return 1 if choice.episode is not None or _of_joint(side_by_side, choice) else max(table.runs, len(side_by_side))
 
 
 def of_one_run(table: Table, choice: Choice) -> Table:
@@ -47,8 +46,9 @@ def of_one_run(table: Table, choice: Choice) -> Table:
 
 
 def _of_joint(runs: Sequence[list[Series]], choice: Choice) -> list[list[Series]]:
-    """The runs of the joint that was chosen."""
-    return [run for run in runs if choice.joint and any(joint_of(one.name) == choice.joint for one in run[1:])]
+    """The runs of the joint that was chosen; none where each has it."""
+    own = [run for run in runs if choice.joint and any(joint_of(one.name) == choice.joint for one in run[1:])]
+    return own if len(own) < len(runs) else []
 
 
 def _longest(table: Table, runs: Sequence[list[Series]]) -> list[Series]:

@@ -100,7 +100,8 @@ class Table:
             clock_text = series.name if series.name.endswith(f"[{clock_text}]") else f"{series.name} [{clock_text}]"
             part, notes = _in_order(times)
             times, loaded = times[part], {name: values[part] for name, values in loaded.items()}
-            notes += self._check(times, series.name)
+            held = [~np.isnan(np.asarray(loaded[name], dtype=np.float64)) for name in names]
+            notes += self._check(times, series.name, np.any(held, axis=0))
         values = {}
         for name in names:
             numbers = np.asarray(loaded[name], dtype=np.float64)
@@ -224,7 +225,8 @@ class Table:
         """From row to row, of each series but for very many."""
         return {name: np.diff(values) for name, values in self.looked_at.items() if values.size > LEAST_ROWS}
 
-    def _check(self, times: FloatArray, clock: str) -> list[str]:
+    def _check(self, times: FloatArray, clock: str, held: NDArray[np.bool_]) -> list[str]:
+        """A note on the rows (N,) that hold something, but no time.  Raises RecordingError for times that are none."""
         known = times[~np.isnan(times)]
         if known.size == 0:
             raise RecordingError(f"{self.name}: found no time in {clock!r}, expected numbers; is the table empty?")
@@ -242,7 +244,7 @@ class Table:
                 f"{self.name}: found the time {known[row - 1]:.9g} s after {known[row - 2]:.9g} s in row {row}, "
                 "expected rows in time order; were two recordings joined, or did a clock step?"
             )
-        lost = times.size - known.size
+        lost = np.count_nonzero(np.isnan(times) & held)
         return [f"{lost} rows without a time were left out"] if lost else []
 
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -53,40 +54,50 @@ COASTS = 0.1
 """What stands for the period of a shaft that coasts down, which has none: a share of the time that it takes."""
 PAUSE = 3.0
 """Longest rest within one motion, in periods of the end of the band; a longer one separates two motions."""
+
+BEFORE = "a hand, a motor or a blow acts there"
+LOSSLESS = "if something drives it, choose its series with --map torque=SERIES (or current=, voltage=)"
 log = logging.getLogger(__name__)
 
 
 def released(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The experiments, those without an input reduced to their free part; a warning reports what is left out.  Raises
-    ExperimentError for a shaft that keeps its speed without an input, and for a motion that gains energy."""
-    return tuple(one if one.is_driven else _released(one) for one in experiments)
+    """The experiments, those without an input reduced to their free part; warnings report what is left out, and motions
+    that lose no energy.  Raises ExperimentError for a shaft that keeps its speed without an input, and for a motion
+    that gains energy."""
+    free = {at: Signals.of(one) for at, one in enumerate(experiments) if not one.is_driven}
+    parts = {at: _free_part(signals) for at, signals in free.items()}
+    lossless = {at: many for at, one in free.items() if one.column != ACCEL and (many := _passages(one, parts[at]))}
+    begins = {at: part.begins for at, part in parts.items() if part.begins > experiments[at].time[0]}
+    _warn(experiments, begins, f"moves freely only from %s s on; what is before is left out ({BEFORE})")
+    ends = {at: part.ends for at, part in parts.items() if part.acts_again}
+    _warn(experiments, ends, "moves freely only until %s s; what is after is left out (something acts on it again)")
+    _warn(experiments, lossless, f"passes a place %s times and loses no energy, as a motion that is driven; {LOSSLESS}")
+    return tuple(
+        one.between(parts[at].begins, parts[at].ends) if at in parts else one for at, one in enumerate(experiments)
+    )
 
 
-def _released(experiment: Experiment) -> Experiment:
-    signals = Signals.of(experiment)
-    part = _free_part(signals)
-    if part.begins > experiment.time[0]:
-        log.warning(
-            "%s: moves freely only from %.4g s on; what is before is left out (a hand, a motor or a blow acts there)",
-            experiment.name, part.begins,
-        )  # fmt: skip
-    if part.acts_again:
-        log.warning(
-            "%s: moves freely only until %.4g s; what is after is left out (something acts on it again)",
-            experiment.name, part.ends,
-        )  # fmt: skip
-    if signals.column == "position":
-        _check_energy(signals, part)
-    return experiment.between(part.begins, part.ends)
+def _warn(experiments: Sequence[Experiment], told: Mapping[int, float], message: str) -> None:
+    """Logs a message of one or more experiments once, with the number of the first, and the range of those of others;
+    told: the number for each, by its place."""
+    if not told:
+        return
+    (first, number), *others = told.items()
+    name, said = experiments[first].name, f"{number:.4g}"
+    if others:
+        least, most = min(others, key=itemgetter(1))[1], max(others, key=itemgetter(1))[1]
+        name, said = f"{name} and {len(others)} more", f"{said} ({least:.4g} to {most:.4g})"
+    log.warning(f"%s: {message}", name, said)
 
 
-def _check_energy(signals: Signals, part: _FreePart) -> None:
-    """Raises ExperimentError for a part that gains energy, as a joint under control does, or one whose neighbour
-    swings, and for one that loses none beside what may drive it and is not used; warns of another that loses none."""
+def _passages(signals: Signals, part: _FreePart) -> int:
+    """How often a part that loses no energy passes a place, 0 for any other.  Raises ExperimentError for one that gains
+    energy, as a joint under control does, or one whose neighbour swings, and for one that loses none beside what may
+    drive it and is not used.  The second mode of a mass may give it energy back."""
     free = (signals.time >= part.begins) & (signals.time <= part.ends)
     position, velocity = signals.position[free], signals.velocity[free]
     gain, (loss, passages) = energy_gain(position, velocity), energy_loss(position, velocity)
-    if gains_energy(gain, loss):
+    if signals.column == "position" and gains_energy(gain, loss):
         raise ExperimentError(
             f"{signals.experiment.name}: found a motion that gains energy, as no free one does (where it passes a "
             f"place again, the square of its speed is larger by up to {100 * gain:.0f} % of the largest), and nothing "
@@ -99,12 +110,7 @@ def _check_energy(signals: Signals, part: _FreePart) -> None:
             f"one that is driven, and what may drive it is not used: {said}; if it moves freely all the same, use "
             "--map torque="
         )
-    if loses_none(loss):
-        log.warning(
-            "%s: passes a place %d times and loses no energy, as a motion that is driven; if something drives it, "
-            "choose its series with --map torque=SERIES (or current=, voltage=)",
-            signals.experiment.name, passages,
-        )  # fmt: skip
+    return passages if loses_none(loss) else 0
 
 
 class _FreePart(NamedTuple):

@@ -197,6 +197,21 @@ def test_runs_side_by_side(tmp_path: Path) -> None:
     assert f"{path}: found episode=2, expected 0 to 1" in refused(path, episode=2)
 
 
+def test_a_joint_of_each_of_several_runs(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Two sensors in each run: that of a joint is one recording a run.  Rows beyond the end of a run are none of it."""
+    path = tmp_path / "pasco.csv"
+    names = ["Time (s)", "Angle, Ch 1 (rad)", "Angle, Ch 2 (rad)"]
+    path.write_text(";".join(f'"{name} Run #{run}"' for run in (1, 2) for name in names) + "\n")
+    with path.open("a") as file:
+        for k, (t, y) in enumerate(zip(T, SWING, strict=True)):
+            file.write(f"{t:.3f};{y:.5f};{2 * y:.5f};" + (f"{t:.3f};{3 * y:.5f};{4 * y:.5f}\n" if k < 99 else ";;\n"))
+    first, second = read_recordings([path], joint="Ch 2")
+    assert first.columns["position"] == pytest.approx(2 * SWING, abs=1e-4)
+    assert second.columns["position"] == pytest.approx(4 * SWING[:99], abs=1e-4)
+    assert "without a time" not in caplog.text
+    assert "choose with --joint NAME (or FILE#joint=NAME) from Ch 1, Ch 2" in refused(path)
+
+
 @pytest.mark.parametrize("header", ["\ufefft,x,y,vx\n", ""])
 def test_the_points_of_a_film_are_an_angle_about_the_pivot(header: str, tmp_path: Path) -> None:
     """x and y of a filmed bob lie on a circle; so do two columns without names."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -134,12 +135,17 @@ def test_a_second_mode_is_no_blow() -> None:
     assert released([measured(ring, "displacement")])[0].time[0] == 0.0
 
 
-def test_a_pendulum_that_is_lifted_by_a_hand() -> None:
-    """A hand lifts it in two seconds and holds it for two more."""
+def test_a_pendulum_that_is_lifted_by_a_hand(caplog: pytest.LogCaptureFixture) -> None:
+    """A hand lifts it in two seconds and holds it for two more.  Of three recordings this is said in one line."""
     angle = swing(0.6, 4.0)
     lifted = TIMES < 2.0
     angle[lifted] = 0.3 * (1 - np.cos(np.pi * TIMES[lifted] / 2))
-    assert 4.0 <= released([measured(angle)])[0].time[0] < 4.25
+    later = measured(swing(0.6, 5.0))
+    found = released([measured(angle), later, later])
+    assert 4.0 <= found[0].time[0] < 4.25
+    assert 5.0 <= found[1].time[0] < 5.25
+    (line,) = caplog.messages
+    assert re.search(r"and 2 more: moves freely only from 4\.\d+ \(5\S* to 5\S*\) s on; what is before is left", line)
 
 
 SPRING, FRICTION = 20.0, 2.2
