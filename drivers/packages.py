@@ -19,6 +19,7 @@ DISTRIBUTIONS = {
     "dynamixel_sdk": "dynamixel-sdk",
     "serial": "pyserial",
     "pyarrow": "pyarrow",
+    "h5py": "h5py",
     "mcap": "mcap rosbags",
     "rosbags": "mcap rosbags",
     "rerun": "rerun-sdk",

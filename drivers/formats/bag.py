@@ -1,4 +1,4 @@
-"""MCAP and rosbag2 as series: which topics have numbers, and those of the chosen ones over time."""
+"""MCAP and bags of ROS 1 and 2 as series: which topics have numbers, and those of the chosen ones over time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from lostmotion.drivers.formats.source import (
 )
 from lostmotion.drivers.formats.table import EPOCH_S
 
-__all__ = ["open_mcap", "open_rosbag"]
+__all__ = ["open_mcap", "open_rosbag", "open_rosbag1"]
 
 LOOKED_AT = 50
 """messages of a topic, to learn its names"""
@@ -40,7 +40,7 @@ STAMPS, RECEIPT = "stamps of the headers", "when messages were received"
 UNITS = {
     "position": "rad", "positions": "rad", "effort": "N m", "efforts": "N m", "linear_acceleration": "m/s^2"
 }  # fmt: skip
-"""by the field of ROS 2's messages (REP 103)"""
+"""by the field of ROS's messages (REP 103)"""
 
 
 @dataclass(slots=True, eq=False)
@@ -73,7 +73,7 @@ class Bag:
         self.series = self._look(sorted(self._decoders, key=lambda topic: _rank(kinds[topic])), kinds)
         if not self.series and unknown:
             raise RecordingError(
-                f"{path}: found {shown(', '.join(unknown))}, expected messages of ROS 2 or JSON with numbers"
+                f"{path}: found {shown(', '.join(unknown))}, expected messages of ROS or JSON with numbers"
             )
 
     @property
@@ -170,6 +170,11 @@ def open_mcap(path: Path) -> Bag:
 def open_rosbag(path: Path) -> Bag:
     """A folder or a database.  Raises RecordingError."""
     return Bag(path, RosbagLog(path))
+
+
+def open_rosbag1(path: Path) -> Bag:
+    """Raises RecordingError."""
+    return Bag(path, RosbagLog(path, is_ros1=True))
 
 
 def _measured(fields: dict[str, bool]) -> list[str]:

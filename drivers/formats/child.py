@@ -1,8 +1,8 @@
-"""Readers that may crash on a damaged file, or ask for all memory, run in a process of their own: matlab_child.py,
-workbook_child.py.
+"""Readers that may crash on a damaged file, or ask for all memory, run in a process of their own: hdf5_child.py,
+matlab_child.py, workbook_child.py.
 
 Each is run as a program with the file's path, and writes what it read to stdout.  What is wrong is a line on stderr and
-exit status 1.  It imports nothing of lostmotion, to start quickly, and limits its own memory.
+exit status 1.  It imports little of lostmotion, to start quickly, and limits its own memory.
 """
 
 from __future__ import annotations

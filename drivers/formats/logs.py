@@ -1,4 +1,4 @@
-"""Files of messages by topic: MCAP, read by ``mcap``, and rosbag2, read by ``rosbags``.  Bytes out."""
+"""Files of messages by topic: MCAP, read by ``mcap``, and bags of ROS 1 and 2, read by ``rosbags``.  Bytes out."""
 
 from __future__ import annotations
 
@@ -122,9 +122,12 @@ class McapLog:
             schemas[record.id] = record
             return
         schema = schemas.get(record.schema_id)
-        text = schema.data.decode(errors="replace") if schema and schema.encoding == "ros2msg" else ""
+        kind, text = schema.name if schema else "", ""
+        if schema and schema.encoding in ("ros1msg", "ros2msg"):
+            text = schema.data.decode(errors="replace")
+            kind = kind if "/msg/" in kind else kind.replace("/", "/msg/")  # as ROS 1 calls it
         by_id[record.id] = record.topic
-        self._found[record.topic] = Channel(record.topic, schema.name if schema else "", record.message_encoding, text)
+        self._found[record.topic] = Channel(record.topic, kind, record.message_encoding, text)
         if len(self._found) > MOST_SERIES:
             raise too_many(str(self._path), len(self._found), "topics")
 
@@ -154,29 +157,31 @@ def _values(texts: Mapping[str, str]) -> dict[str, Any]:
 
 
 class RosbagLog:
-    """A folder with metadata.yaml, or a single ``.db3``."""
+    """A folder with metadata.yaml, or a single ``.db3``; a ``.bag`` of ROS 1 (is_ros1)."""
 
-    def __init__(self, path: Path) -> None:
-        self.kind = "rosbag2"
+    def __init__(self, path: Path, is_ros1: bool = False) -> None:
+        self.kind = "ROS 1 bag" if is_ros1 else "rosbag2"
         self.notes: list[str] = []
         self.metadata: dict[str, Any] = {}
         self._path = path
-        self._rosbag2 = needed("rosbags.rosbag2", path)
+        self._rosbags = needed("rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2", path)
         try:
-            with self._rosbag2.Reader(path) as reader:
-                self.channels = [
-                    Channel(
-                        each.topic, each.msgtype, "cdr", each.msgdef.data if each.msgdef.format.name == "MSG" else ""
+            with self._rosbags.Reader(path) as reader:
+                found = {
+                    each.topic: Channel(
+                        each.topic, each.msgtype, "ros1" if is_ros1 else "cdr",
+                        each.msgdef.data if each.msgdef.format.name == "MSG" else "",
                     )
                     for each in reader.connections
-                ]
+                }  # fmt: skip
         except Exception as error:
             raise self._damaged(error) from error
+        self.channels = [*found.values()]  # in ROS 1 each publisher of a topic is a connection
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
         """Raises RecordingError."""
         try:
-            with self._rosbag2.Reader(self._path) as reader:
+            with self._rosbags.Reader(self._path) as reader:
                 chosen = [each for each in reader.connections if each.topic in topics]
                 for connection, received, data in reader.messages(connections=chosen) if chosen else ():
                     yield connection.topic, int(received), bytes(data)  # SQLite's columns may hold any type
@@ -187,5 +192,6 @@ class RosbagLog:
 
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(
-            f"{self._path}: cannot be read as rosbag2: {shown(reason(error))}; is it damaged, or still being written?"
+            f"{self._path}: cannot be read as {self.kind}: {shown(reason(error))}; is it damaged, or still being "
+            "written?"
         )

@@ -27,7 +27,7 @@ WIDEST = 64
 """columns of a matrix that are signals side by side"""
 STEP = re.compile(
     r"(?:.*\.)?(?:(?P<step>dt|t_?s|h|t_?sample|t_?interval|sampl(?:e|ing)_?(?:time|period|interval))"
-    r"|f_?s|(?:sampl(?:e|ing)|actual|scan)_?(?:rate|frequency|freq)|(?:action|command|control|sampl(?:e|ing))_?(?:rate_?)?hz)",
+    r"|f_?s|fps|(?:sampl(?:e|ing)|actual|scan)_?(?:rate|frequency|freq)|(?:action|command|control|sampl(?:e|ing))_?(?:rate_?)?hz)",
     re.IGNORECASE,
 )  # fmt: skip
 """the name of a number that is the time of a row, or the rows a second"""

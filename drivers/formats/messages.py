@@ -1,7 +1,7 @@
 """One message of a robot's log → its stamp and its numbers by name.  Bytes in, values out; no file is opened here.
 
-Joint states, controllers' states and Imus are decoded by our own codec, all other types of ROS 2 by rosbags from the
-definition that the file carries, JSON by itself.
+Joint states, controllers' states and Imus of ROS 2 are decoded by our own codec, all other types of ROS 2, and those of
+ROS 1, by rosbags from the definition that the file carries, JSON by itself.
 """
 
 from __future__ import annotations
@@ -45,16 +45,14 @@ class UnreadableError(ValueError):
 
 
 def decoder_of(kind: str, encoding: str, definition: str) -> Decoder | None:
-    """What decodes messages of a type, None where nothing does.  definition: text of ros2msg, or empty."""
+    """What decodes messages of a type, None where nothing does.  definition: text of ros2msg or ros1msg, or empty."""
     if encoding == "json":
         return _json
-    if encoding != "cdr":
-        return None
-    if kind in DECODERS:
+    if encoding == "cdr" and kind in DECODERS:
         return _joints(DECODERS[kind], kind == CONTROLLER_STATE)
-    if kind == IMU:
+    if encoding == "cdr" and kind == IMU:
         return _imu
-    return _by_rosbags(kind, definition)
+    return _by_rosbags(kind, definition, encoding == "ros1") if encoding in ("cdr", "ros1") else None
 
 
 def _joints(decode: Callable[[bytes], JointStates], is_controller: bool) -> Decoder:
@@ -93,13 +91,14 @@ def _json(data: bytes) -> Decoded:
     return _stamp(message), dict(flat(message))
 
 
-def _by_rosbags(kind: str, definition: str) -> Decoder | None:
+def _by_rosbags(kind: str, definition: str, is_ros1: bool) -> Decoder | None:
     """None where rosbags knows neither the type nor its definition, or is not installed."""
     if not is_there("rosbags"):
         return None
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.LATEST)
+    deserialized = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
     if kind not in store.types:
         try:
             store.register({name: fields for name, fields in get_types_from_msg(definition, kind).items()
@@ -113,7 +112,7 @@ def _by_rosbags(kind: str, definition: str) -> Decoder | None:
         if len(data) > MOST_BYTES:
             return None, {}
         try:
-            message = store.deserialize_cdr(data, kind)
+            message = deserialized(data, kind)
         except Exception as error:  # rosbags raises what struct and NumPy do
             raise UnreadableError(f"no {kind}: {error}") from error
         return _stamp(message), dict(flat(message))

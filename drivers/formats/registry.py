@@ -17,8 +17,8 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["FORMATS", "Format", "Opener", "is_foreign", "open_source"]
 
 EXPECTED = (
-    "lostmotion's CSV, PlotJuggler's or other text, a workbook, MAT, NumPy, JSON, Parquet, MCAP, rosbag2 or a "
-    "LeRobot dataset"
+    "lostmotion's CSV, PlotJuggler's or other text, a workbook, MAT, NumPy, JSON, HDF5, Parquet, MCAP, a bag of ROS "
+    "or a LeRobot dataset"
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
@@ -46,10 +46,10 @@ class Format:
 FORMATS = (
     Format("Parquet", b"PAR1", "parquet:open_parquet"),
     Format("MAT", b"MATLAB ", "matlab:open_matlab"),
-    Format("HDF5", b"\x89HDF\r\n\x1a\n", "matlab:open_matlab"),
+    Format("HDF5", b"\x89HDF\r\n\x1a\n", "hdf5:open_hdf5"),
     Format("MCAP", b"\x89MCAP0\r\n", "bag:open_mcap"),
     Format("rosbag2", b"SQLite format 3\x00", "bag:open_rosbag"),
-    Format("ROS 1 bag", b"#ROSBAG", advice="convert it: pip install rosbags; rosbags-convert --src x.bag --dst x"),
+    Format("ROS 1 bag", b"#ROSBAG", "bag:open_rosbag1"),
     Format("workbook, ZIP or NumPy archive", b"PK\x03\x04", "workbook:open_zip"),
     Format("workbook of Excel 97", b"\xd0\xcf\x11\xe0", "workbook:open_workbook"),
     Format("NumPy array", b"\x93NUMPY", "arrays:open_numpy"),

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from mcap.writer import IndexType
 from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
-from rosbags.typesys import get_types_from_msg
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lostmotion.drivers.emulator.ros2 import STATE, typestore
 
@@ -108,6 +109,55 @@ def write_mcap(path: Path, **options: Any) -> None:
 def write_unindexed(path: Path) -> None:
     """Without chunks and without an index, as simple recorders write it."""
     write_mcap(path, index_types=IndexType.NONE, use_chunking=False, use_statistics=False, use_summary_offsets=False)
+
+
+def ros1(count: int = COUNT) -> Iterator[tuple[str, str, int, bytes]]:
+    """Topic, type, time of receipt [ns] and bytes of messages of ROS 1: joint states, and a type of somebody's own."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
+    joint_states, drive = "sensor_msgs/msg/JointState", "acme_msgs/msg/Drive"
+    types = store.types
+    for k in range(count):
+        t, instant = k * JOINT_S, START_NS + round(k * JOINT_S * 1e9)
+        stamp = types["builtin_interfaces/msg/Time"](*divmod(instant, 10**9))
+        header = types["std_msgs/msg/Header"](k, stamp, "base")
+        both = np.array([angle(t), -angle(t)])
+        state = types[joint_states](header, JOINTS, both, np.empty(0), 2 * both)
+        own = types[drive](header, 3 * float(angle(t)))
+        yield "/joint_states", joint_states, instant + LATE_NS, bytes(store.serialize_ros1(state, joint_states))
+        yield "/drive", drive, instant + LATE_NS, bytes(store.serialize_ros1(own, drive))
+
+
+def write_ros1(path: Path) -> None:
+    """As ``rosbag record`` of ROS 1 makes it; two publishers of the joint states."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
+    with Ros1Writer(path) as writer:
+        kinds = dict.fromkeys((topic, kind) for topic, kind, _, _ in ros1())
+        connections = {
+            (topic, at): writer.add_connection(topic, kind, typestore=store, callerid=f"/node{at}")
+            for topic, kind in kinds
+            for at in range(2)
+        }
+        for at, (topic, _, received, data) in enumerate(ros1()):
+            writer.write(connections[topic, at // 50 % 2], received, data)
+
+
+def write_ros1_mcap(path: Path) -> None:
+    """The same messages in MCAP, whose types are called as ROS 1 does."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("ros1")
+        channels = {}
+        for topic, kind, received, data in ros1():
+            if topic not in channels:
+                text, _ = store.generate_msgdef(kind, ros_version=1)
+                schema = writer.register_schema(kind.replace("/msg/", "/"), "ros1msg", text.encode())
+                channels[topic] = writer.register_channel(topic, "ros1", schema)
+            writer.add_message(channels[topic], received, data, received)
+        writer.finish()
 
 
 def write_json(path: Path) -> None:

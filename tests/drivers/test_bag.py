@@ -92,6 +92,27 @@ def test_a_joint_is_taken_from_its_topics(bag: Path) -> None:
     assert "accel: not taken" in str(read(bag, joint="wrist").notes)
 
 
+@pytest.mark.parametrize("name", ["x.bag", "x.mcap"])
+def test_messages_of_ros_1(name: str, tmp_path: Path) -> None:
+    """A bag, and MCAP that was made of one: joint states, and a type that only the file describes."""
+    path = tmp_path / name
+    (bags.write_ros1 if name == "x.bag" else bags.write_ros1_mcap)(path)
+    found = read(path, joint="elbow")
+    assert {one.column: (one.series, one.si) for one in found.columns} == {
+        "position": ("/joint_states.position[elbow]", "rad"),
+        "torque": ("/joint_states.effort[elbow]", "N m"),
+    }
+    times, position = found.recording.signal("position")
+    np.testing.assert_allclose(times, np.arange(bags.COUNT) * bags.JOINT_S, atol=1e-9)
+    np.testing.assert_allclose(position, bags.angle(times), atol=1e-9)
+    assert found.clock == "stamps of the headers"
+    own = read(path, "current=/drive.current", joint="elbow").recording
+    np.testing.assert_allclose(own.signal("current")[1], 3 * position)
+    if name == "x.bag":
+        path.write_bytes(path.read_bytes()[:9000])
+        assert "cannot be read as ROS 1 bag: " in refused(path, joint="elbow")
+
+
 def test_topics_types_and_clocks_are_chosen(bag: Path) -> None:
     """A type of somebody's own by its definition in the file; the time of receipt where it is asked for."""
     own = read(bag, "torque=/load.torque[elbow]", joint="elbow").recording

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -334,8 +335,42 @@ def test_matlab(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.recording.columns["torque"], 3 * ANGLE)
     np.testing.assert_allclose(found.recording.columns["position"], ANGLE)
     assert "1 vectors that do not have 200 values are left out" in found.notes
-    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(500))
-    assert "save('x.mat', '-v7')" in refused(path)
+
+
+def test_matlab_since_version_7_3(tmp_path: Path) -> None:
+    """HDF5 behind MATLAB's own header: vectors lie on their sides, structures are groups, a text is no signal."""
+    path = tmp_path / "x.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"], file["out/q"], file["out/tau"] = T[None, :], ANGLE[None, :], np.stack([ANGLE, 2 * ANGLE])
+        file["title"] = np.frombuffer(b"swing" * 40, np.uint8).astype(np.uint16)[None, :]
+        file["title"].attrs["MATLAB_class"] = np.bytes_("char")
+        file["#refs#/a"], file["gains"] = ANGLE[:9], np.arange(3.0)
+    content = path.read_bytes()
+    content = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + content[512:]
+    path.write_bytes(content)
+    assert [one.name for one in open_source(path).series] == ["out.q", "out.tau[0]", "out.tau[1]", "t"]
+    found = read(path, "torque=out.tau[1]*1.5").recording
+    np.testing.assert_allclose(found.columns["torque"], 3 * ANGLE)
+    np.testing.assert_allclose(found.columns["position"], ANGLE)
+    path.write_bytes(content[:3000])
+    assert "cannot be read as HDF5" in refused(path)
+
+
+def test_hdf5_of_a_robot(tmp_path: Path) -> None:
+    """As imitation learning records it: joints as columns, images beside them, a rate, records, links elsewhere."""
+    path = tmp_path / "episode_0.hdf5"
+    with h5py.File(path, "w") as file:
+        file["observations/qpos"] = np.stack([ANGLE, 2 * ANGLE], 1)
+        file["action"] = np.stack([ANGLE, 2 * ANGLE], 1) + 0.01
+        file["observations/images/top"] = np.zeros((T.size, 4, 4, 3), np.uint8)
+        file["fps"], file["loop"], file["far"] = 50, h5py.SoftLink("/observations"), h5py.ExternalLink("y.h5", "/q")
+    found = read(path, joint="1").recording
+    np.testing.assert_allclose(found.time, np.arange(T.size) / 50)
+    np.testing.assert_allclose(found.columns["position"], 2 * ANGLE)
+    np.testing.assert_allclose(found.columns["command"], 2 * ANGLE + 0.01)
+    with h5py.File(path, "w") as file:
+        file["log/table"] = np.array(list(zip(T, ANGLE, strict=True)), dtype=[("t", "f8"), ("q", "f4")])
+    np.testing.assert_allclose(read(path).recording.columns["position"], ANGLE, atol=1e-6)
 
 
 def test_what_a_simulink_scope_saves(tmp_path: Path) -> None:
@@ -424,7 +459,8 @@ def test_axes_and_degrees_are_not_guessed(tmp_path: Path) -> None:
         (b"MATLAB 5.0 MAT-file" + bytes(300), "cannot be read as a MAT file"),
         (b"PK\x03\x04" + bytes(50), "found a workbook, ZIP or NumPy archive"),
         (b"\xd0\xcf\x11\xe0" + bytes(600), "cannot be read as a workbook"),
-        (b"#ROSBAG V2.0\n" + bytes(50), "found ROS 1 bag"),
+        (b"#ROSBAG V2.0\n" + bytes(50), "cannot be read as ROS 1 bag"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(50), "cannot be read as HDF5"),
         (b"name,word\na,b\nc,d\n", "found text without a column of numbers"),
         (b"t,b,\x1b[31mq\x07" + b"z" * 1900 + b"\n0,1,2\n", "found t, b, ?[31mq?z"),
         (b"t," + b"z" * 5000 + b"\n0,1\n", "found a series with a name of 5000 characters, expected at most 2000"),
