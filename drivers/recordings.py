@@ -14,7 +14,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.read import runs_of
 from lostmotion.drivers.formats.registry import Opener, is_foreign, open_source
-from lostmotion.drivers.formats.words import UNNAMED
+from lostmotion.drivers.formats.words import UNNAMED, column_of
 from lostmotion.drivers.recording import Recording, read_recording
 
 __all__ = ["read_recordings"]
@@ -49,8 +49,11 @@ def read_recordings(
     recordings = [one for one in found if isinstance(one, Recording)]
     whole = partial(_read, joint, set(), base, opened, PLUS.join(map(str, given)), terms)
     if len(recordings) < len(paths) == len(given) > 1:
-        with suppress(RecordingError):
+        try:
             return [whole()]
+        except RecordingError:
+            if not recordings and all(column_of(Path(path).stem) for path in paths):
+                raise  # a file each of the positions and the torques of several joints
     elif len(paths) == len(given) and _are_parts(recordings):
         return [whole()]
     for at, term in enumerate(_agreed(found, base == "oscillator")):

@@ -52,6 +52,8 @@ LONGEST = 100 * LONGEST_LINE
 """of a line; MOST_SERIES names of 100 characters are a tenth of it"""
 RULER = re.compile(r"[\s+|]*[-=]{3}[-=+|\s]*")
 """a line below the header, drawn with signs"""
+LABEL = re.compile(r"^\w+:\s+")
+"""before the names of the columns in a comment: ``# Columns: t q tau``"""
 OPENED = re.compile(r"^\s*(?:\w+\s*=\s*)?\[")
 """how a matrix begins"""
 MATRIX = re.compile(rf"{OPENED.pattern}|[\];]\s*$")
@@ -254,7 +256,7 @@ def _commented(comments: list[str], rows: Rows) -> tuple[list[str], list[str]]:
     """Names, and units below them, of the last comments that have as many cells as the rows, or fewer, of which one is
     the time or a column; or numbers of columns.  A comment within a comment, as of the date, ends the names."""
     plain = [re.split(r"[\t ]+%|[\t ]+#", line.lstrip().lstrip("#%/ ").rstrip(), maxsplit=1)[0] for line in comments]
-    above = [_filled(_names_in(line, rows), rows) for line in plain]
+    above = [_filled(_names_in(line, rows), rows) for line in (LABEL.sub("", line) for line in plain)]
     above = [cells for cells in above if len(cells) == rows.width and _may_be_names(cells, rows.comma)][-2:]
     if len(above) == 2 and all(re.fullmatch(r"\[.*\]|\(.*\)", cell.strip()) for cell in above[1]):
         return _unique(above[0]), _units(above[1], rows.comma)

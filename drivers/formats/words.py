@@ -39,7 +39,7 @@ QUANTITIES = {
 }
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
-UNIT_SAYS = ("position", "torque", "current", "force")
+UNIT_SAYS = ("position", "torque", "current", "force", "accel")
 SPEED = {"velocity", "velocities", "velo", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot"}
 ERRORS = {"error", "errors", "err"}
 OTHER = SPEED | ERRORS | {

@@ -22,6 +22,7 @@ from lostmotion.drivers.formats.registry import open_source
 from lostmotion.drivers.formats.source import Choice, Term, in_words
 from lostmotion.drivers.formats.words import column_of, joint_of, speed_of, unit_of
 from lostmotion.drivers.recording import read_recording
+from lostmotion.drivers.recordings import read_recordings
 from tests.conftest import Measurements
 from tests.drivers.mat_objects import save_output, save_timeseries
 
@@ -240,6 +241,12 @@ def test_a_recording_in_several_files(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.columns["position"], T)
     np.testing.assert_array_equal(found.columns["torque"], -T)
     np.testing.assert_array_equal(read_recording(f"{both}#joint=joint1").columns["torque"], 2 * ANGLE)
+    np.savetxt(q, np.column_stack([ANGLE, 0.9 * np.cos(T)]))
+    np.savetxt(tau, np.column_stack([2 * ANGLE, np.cos(T)]))
+    with pytest.raises(RecordingError, match="from 0, 1"):
+        read_recordings([q, tau])
+    first = read_recordings([f"{both}#joint=0,rate-hz=100"])[0]
+    np.testing.assert_allclose(first.columns["torque"], 2 * ANGLE)
     np.savetxt(q, ANGLE)
     np.savetxt(tau, np.column_stack([T, 2 * ANGLE]))
     assert [one.name for one in open_source(both).series] == ["q", "tau[0]", "tau[1]"]

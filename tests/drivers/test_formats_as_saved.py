@@ -175,6 +175,24 @@ def test_of_readings_in_two_units_those_of_the_column_are_used(tmp_path: Path) -
     assert "force_unit" not in found.metadata
 
 
+def test_names_behind_a_label_in_a_comment(tmp_path: Path) -> None:
+    """As programs write them above their rows, also in another language; a label before anything else names nothing."""
+    path = tmp_path / "swing.txt"
+    for label in ("Columnas: t angle extra", "Columns:\tt\tangle\textra"):
+        path.write_text(f"# Perfil: a b c\n# {label}\n#\n" + rows(T, SWING, 0 * T))
+        found = read(path)
+        assert found.clock.startswith("t [s")
+        assert [one.series for one in found.columns] == ["angle"]
+
+
+def test_a_unit_of_acceleration_says_what_it_is(tmp_path: Path) -> None:
+    """Of a name that says nothing else; two runs side by side are two recordings."""
+    path = tmp_path / "damper.csv"
+    path.write_text("Time,With (m/s^2),Time (3),Without (m/s^2)\n" + rows(T, SWING, T, 2 * SWING, sign=","))
+    found = read_recordings([path], base="oscillator")
+    np.testing.assert_allclose([one.columns["accel"] for one in found], [SWING, 2 * SWING], atol=1e-4)
+
+
 def test_runs_side_by_side(tmp_path: Path) -> None:
     """Each run has times of its own, and one ends earlier: the longest is read, and another one by its number; of
     several recordings each run is one."""
