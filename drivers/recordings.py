@@ -14,6 +14,8 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.read import runs_of
 from lostmotion.drivers.formats.registry import Opener, is_foreign, open_source
+from lostmotion.drivers.formats.runs import STILL
+from lostmotion.drivers.formats.swinging import power
 from lostmotion.drivers.formats.words import UNNAMED, column_of
 from lostmotion.drivers.recording import Recording, read_recording
 
@@ -23,6 +25,10 @@ log = logging.getLogger(__name__)
 
 MOST_RUNS = 30
 """of a file that are read, as many as a search compares in its time"""
+
+SHORT = 0.1
+"""Share of the rows of the longest run, below which another one is a stub."""
+MOVING = ("position", "displacement", "accel")
 
 Read = Callable[[str | Path, Sequence[str]], Recording]
 """reads a file with ``--map``"""
@@ -46,6 +52,7 @@ def read_recordings(
             found.append(read(path, terms))
         except RecordingError as error:
             found.append(error)
+    paths, found = _usable(paths, found) if len(paths) > len(given) else (paths, found)
     recordings = [one for one in found if isinstance(one, Recording)]
     whole = partial(_read, joint, set(), base, opened, PLUS.join(map(str, given)), terms)
     if len(recordings) < len(paths) == len(given) > 1:
@@ -83,6 +90,33 @@ def _runs(path: str | Path, joint: str, terms: Sequence[str], opened: Opener) ->
     said = "each is a recording" if used == count else f"the first {used} are used, each as a recording"
     log.warning("%s: found %d runs: %s; for one of them FILE#episode=0", path, count, said)
     return [f"{path}{',' if Path(path) != file else '#'}episode={at}" for at in range(used)]
+
+
+def _usable(
+    paths: Sequence[str | Path], found: Sequence[Recording | RecordingError]
+) -> tuple[list[str | Path], list[Recording | RecordingError]]:
+    """The addresses and recordings without those runs of a file that cannot be read, are much shorter than its longest,
+    or hardly move beside that which moves most, if another one does; a warning names them."""
+    files = [split_address(Path(path))[0] for path in paths]
+    sizes = [one.time.size if isinstance(one, Recording) else 0 for one in found]
+    powers = [_power(one) if isinstance(one, Recording) else 0.0 for one in found]
+    kept = []
+    for at, file in enumerate(files):
+        beside = [other for other, each in enumerate(files) if each == file]
+        is_short = sizes[at] < SHORT * max(sizes[other] for other in beside)
+        if len(beside) == 1 or not (is_short or powers[at] < STILL**2 * max(powers[other] for other in beside)):
+            kept.append(at)
+    if not any(sizes[at] for at in kept):
+        return list(paths), list(found)
+    if left := [str(paths[at]) for at in range(len(paths)) if at not in kept]:
+        log.warning("left out, as they are short, at rest or unreadable beside other runs: %s", ", ".join(left))
+    return [paths[at] for at in kept], [found[at] for at in kept]
+
+
+def _power(recording: Recording) -> float:
+    """The variance of the motion; 1 where there is none."""
+    moved = (power(recording.columns[name]) for name in MOVING if name in recording.columns)
+    return next(moved, 1.0)
 
 
 def _read(joint: str, told: set[str], base: str, opened: Opener, path: str | Path, terms: Sequence[str]) -> Recording:

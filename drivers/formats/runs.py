@@ -1,4 +1,4 @@
-"""Several runs side by side in one table, each with times of its own: the one that is meant."""
+"""Several runs in one table, side by side, each with times of its own, or one after another: the one that is meant."""
 
 from __future__ import annotations
 
@@ -22,20 +22,26 @@ STILL = 0.1
 def runs_in(table: Table, choice: Choice) -> int:
     """How many runs a file holds, of which none was chosen: each may be a recording of its own."""
     side_by_side = _runs(table, choice)
-    return 1 if choice.episode is not None or _of_joint(side_by_side, choice) else max(table.runs, len(side_by_side))
+    if choice.episode is not None or _of_joint(side_by_side, choice):
+        return 1
+    return max(table.runs, len(side_by_side)) if table.runs > 1 or side_by_side else len(table.restarts(choice)) or 1
 
 
 def of_one_run(table: Table, choice: Choice) -> Table:
-    """The table of the run with the number that was chosen.  Of runs side by side, where each column of times begins
-    one, else that of the joint that was chosen, else the longest, of equal ones the first that moves; and a note that
-    says how to take another.  Where columns are given, it stays as it is.  Raises RecordingError."""
+    """The table of the run with the number that was chosen.  Without a number, of runs side by side, where each column
+    of times begins one, that of the joint that was chosen, else the longest, of equal ones the first that moves; and a
+    note that says how to take another.  Raises RecordingError."""
     runs = _runs(table, choice)
-    if not runs:
+    parts = table.restarts(choice) if choice.episode is not None and not runs and table.runs == 1 else []
+    if not (runs or parts):
         return table.of_episode(choice.episode)
     if choice.episode is not None:
-        if choice.episode >= len(runs):
-            raise RecordingError(f"{table.name}: found episode={choice.episode}, expected 0 to {len(runs) - 1}")
-        return replace(table, series=runs[choice.episode])
+        if choice.episode >= len(runs or parts):
+            raise RecordingError(
+                f"{table.name}: found episode={choice.episode}, expected 0 to {len(runs or parts) - 1}"
+            )
+        at = choice.episode
+        return replace(table, series=runs[at]) if runs else table.of_rows(parts[at])
     own = _of_joint(runs, choice)
     chosen = own[0] if own else _longest(table, runs)
     note = (

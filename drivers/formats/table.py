@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,20 @@ class Table:
             raise RecordingError(f"{self.name}: found episode={episode}, expected 0, as the file holds one run")
         return self
 
+    def of_rows(self, rows: slice) -> Table:
+        """The table of these rows."""
+        return replace(self, load=lambda names: {name: values[rows] for name, values in self.load(names).items()})
+
+    def restarts(self, choice: Choice) -> list[slice]:
+        """The parts in which the times ascend, of recordings that stand one after another; none of a single one."""
+        try:
+            clock = self._clock(choice)
+            times = self._seconds(*clock, self.load([clock[0].name])[clock[0].name])[0] if clock else np.empty(0)
+        except RecordingError:
+            return []
+        parts = _ascending(times)
+        return parts if len(parts) > 1 else []
+
     def read(self, names: Sequence[str], choice: Choice) -> Samples:
         """The samples of these series.  Raises RecordingError."""
         clock = self._clock(choice)
@@ -95,8 +110,7 @@ class Table:
         else:
             series, term = clock
             loaded = dict(self.load(list(dict.fromkeys([series.name, *names]))))
-            unit = term.unit or series.unit.replace(DATE, "") or unit_of(series.name, "time")
-            times, start, clock_text = seconds(loaded[series.name], unit, term.factor, f"{self.name}: {series.name}")
+            times, start, clock_text = self._seconds(series, term, loaded[series.name])
             clock_text = series.name if series.name.endswith(f"[{clock_text}]") else f"{series.name} [{clock_text}]"
             part, notes = _in_order(times)
             times, loaded = times[part], {name: values[part] for name, values in loaded.items()}
@@ -108,6 +122,11 @@ class Table:
             there = ~np.isnan(numbers) & ~np.isnan(times)
             values[name] = (times, numbers) if there.all() else (times[there], numbers[there])
         return Samples(values, clock_text, start, notes, self.metadata)
+
+    def _seconds(self, series: Series, term: Term, values: Array) -> tuple[FloatArray, datetime | None, str]:
+        """See ``seconds``."""
+        unit = term.unit or series.unit.replace(DATE, "") or unit_of(series.name, "time")
+        return seconds(values, unit, term.factor, f"{self.name}: {series.name}")
 
     def spans(self, names: Sequence[str]) -> dict[str, tuple[float, float]]:
         """The least and the largest number of each of these series; zeros where it has none."""
@@ -304,17 +323,27 @@ def _unevenness(column: Array) -> float:
     return float(np.std(steps) / np.mean(steps)) if steps.size else np.inf
 
 
-def _in_order(times: FloatArray) -> tuple[slice, list[str]]:
-    """The longest part in which time does not go back, where a file has a few such parts; all of it otherwise."""
+def _ascending(times: FloatArray) -> list[slice]:
+    """The parts in which time does not go back, where a file has a few such parts; all of it otherwise, as a clock that
+    goes back more often is none."""
     back = np.flatnonzero(np.diff(times) < 0) + 1
-    ends = np.array([0, *back, times.size])
-    longest = int(np.argmax(np.diff(ends)))
-    first, last = int(ends[longest]), int(ends[longest + 1])
-    if not back.size or times.size < LEAST_ROWS * (back.size + 1):  # a clock that goes back more often is none
-        return slice(None), []
-    return slice(first, last), [
-        f"time begins anew in row {back[0] + 1}: rows {first + 1} to {last} are used, the longest part"
-    ]
+    if times.size < LEAST_ROWS * (back.size + 1):
+        return [slice(0, times.size)]
+    ends = [0, *back.tolist(), times.size]
+    return [slice(first, last) for first, last in pairwise(ends)]
+
+
+def _in_order(times: FloatArray) -> tuple[slice, list[str]]:
+    """The longest part in which time does not go back, and a note, where there are several."""
+    parts = _ascending(times)
+    if len(parts) == 1:
+        return parts[0], []
+    longest = max(range(len(parts)), key=lambda at: parts[at].stop - parts[at].start)
+    part = parts[longest]
+    used = (
+        f"rows {part.start + 1} to {part.stop} are used, the longest part; for another FILE#episode={int(longest == 0)}"
+    )
+    return part, [f"time begins anew in row {parts[0].stop + 1}: {used}"]
 
 
 def seconds(values: Array, unit: str, factor: float | None, name: str) -> tuple[FloatArray, datetime | None, str]:

@@ -215,6 +215,25 @@ def test_runs_side_by_side(tmp_path: Path) -> None:
     assert f"{path}: found episode=2, expected 0 to 1" in refused(path, episode=2)
 
 
+def test_runs_one_after_another(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Where the times begin anew another recording begins; a stub and one at rest are left out beside the others."""
+    path = tmp_path / "log.csv"
+    still = 1e-3 * np.random.default_rng(4).standard_normal(T.size)
+    runs = [(T, SWING), (T[:200], -SWING[:200]), (T, still), (T[:25], SWING[:25])]
+    times, angles = (np.concatenate(each) for each in zip(*runs, strict=True))
+    path.write_text("t,angle\n" + rows(times, angles, sign=","))
+    first, second = read_recordings([path])
+    np.testing.assert_allclose(first.columns["position"], SWING, atol=1e-4)
+    np.testing.assert_allclose(second.columns["position"], -SWING[:200], atol=1e-4)
+    assert second.name == f"{path}#episode=1"
+    assert f"beside other runs: {path}#episode=2, {path}#episode=3" in caplog.text
+    assert read(path, episode=3).recording.time.size == 25
+    assert any(
+        "rows 1 to 300 are used, the longest part; for another FILE#episode=1" in one for one in read(path).notes
+    )
+    assert f"{path}: found episode=4, expected 0 to 3" in refused(path, episode=4)
+
+
 def test_a_joint_of_each_of_several_runs(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Two sensors in each run: that of a joint is one recording a run.  Rows beyond the end of a run are none of it."""
     path = tmp_path / "pasco.csv"
