@@ -12,12 +12,13 @@ import logging
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lostmotion.lab import policy
-from lostmotion.lab.data.series import rms
+from lostmotion.lab.data.series import is_onward, rms
 from lostmotion.lab.deadline import is_over
 from lostmotion.lab.inverse.candidates import tried
 from lostmotion.lab.inverse.first_fits import fits_from
@@ -29,6 +30,7 @@ from lostmotion.lab.parallel import each
 from lostmotion.lab.quantity import of_axis, quantities, with_unit
 from lostmotion.lab.selection.evidence import Predictions
 from lostmotion.lab.words import column
+from lostmotion.model import Model
 
 __all__ = ["Differing", "differing", "warn_of_differing"]
 
@@ -80,8 +82,8 @@ def differing(fit: Regression, signals: Sequence[Signals], floor: float, pool: E
     names = [one.experiment.name for one in signals]
     if len(signals) < 2 or len({*names}) < len(signals) or not fit.unknowns.items:
         return None
-    fits = [one for _, one in each(pool, lambda one: _fitted(fit, [one]), signals) if one]
-    whole = _fitted(fit, signals)
+    fits = [one for _, one in each(pool, lambda one: _fitted(fit, _alone(fit.model, one), [one]), signals) if one]
+    whole = _fitted(fit, fit.model, signals)
     if is_over() or whole is None or len(fits) < len(signals):
         return None
     left = whole.data.by_recording(whole.misfit)
@@ -98,11 +100,19 @@ def differing(fit: Regression, signals: Sequence[Signals], floor: float, pool: E
     return Differing(name, values[0], values[-1], names[odd], rms(together), own.error)
 
 
-def _fitted(fit: Regression, signals: Sequence[Signals]) -> Regression | None:
-    """The model fitted to these recordings, from its values; None where that fails."""
+def _alone(model: Model, one: Signals) -> Model:
+    """The model for a recording alone: its constant torque is that of all, if it moves in one direction, in which
+    friction acts as a constant."""
+    if "bias" not in model.parameters or not is_onward(one.experiment.measured[one.column]):
+        return model
+    return model.replace({"bias": replace(model.parameters["bias"], fixed=True)})
+
+
+def _fitted(fit: Regression, model: Model, signals: Sequence[Signals]) -> Regression | None:
+    """The model fitted to these recordings, from its values, as ``fit`` was; None where that fails."""
     if is_over():
         return None
     if isinstance(fit.data, OutputError):
-        return next(iter(fits_from([fit.model], signals, fit.data.substep_s)), None)
-    torque = InverseModel.of(signals, fit.model)
-    return tried(fit.model, [torque], torque.nuisance)
+        return next(iter(fits_from([model], signals, fit.data.substep_s)), None)
+    torque = InverseModel.of(signals, model)
+    return tried(model, [torque], torque.nuisance)
