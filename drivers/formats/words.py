@@ -40,7 +40,9 @@ QUANTITIES = {
 COMMANDED = QUANTITIES["torque"] | QUANTITIES["force"]
 """of a controlled drive the command is as good as what was measured: ``target_torque``"""
 UNIT_SAYS = ("position", "torque", "current", "force", "accel")
-SPEED = {"velocity", "velocities", "velo", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot"}
+SPEED = {
+    "velocity", "velocities", "velo", "vel", "speed", "qd", "qvel", "dq", "omega", "rpm", "dot", "tacho", "tachometer",
+}  # fmt: skip
 ERRORS = {"error", "errors", "err"}
 OTHER = SPEED | ERRORS | {
     "accelerations", "jerk", "covariance", "orientation", "quaternion", "gyro", "angular", "status",
@@ -51,8 +53,9 @@ OTHER = SPEED | ERRORS | {
 """words of series that are none of the columns"""
 OF_SPEED = {"angular"}
 """words of these that a speed may have beside its own"""
-INPUT = {"u", "pwm", "duty", "input", "inputs", "control", "ctrl"}
-"""what drives a motor, in a unit of its own: a share of the voltage, most often"""
+INPUT = {"u", "pwm", "lpwm", "rpwm", "duty", "input", "inputs", "control", "ctrl"}
+"""what drives a motor, in a unit of its own: a share of the voltage, most often; half bridges have one for each
+direction"""
 OUTPUT = re.compile(r"(^|[/.])output[/.\[]")
 """A part of a ROS message: what a controller puts out, and no angle of an output shaft."""
 JOINT_STATES = re.compile(r"/joint_states[/.]")

@@ -109,6 +109,7 @@ def test_names_say_units() -> None:
     assert unit_of("Torque [mNm]", "torque") == "mN m"
     assert [speed_of(name) for name in ("Speed_rad_s", "omega_deg_per_s", "speed (rpm)")] == ["rad/s", "deg/s", "rpm"]
     assert speed_of("angle_rad") is None
+    assert speed_of("tacho") == ""
 
 
 def test_map_is_understood(tmp_path: Path) -> None:

@@ -65,6 +65,7 @@ def test_an_input_is_taken_once_and_beside_a_motion_only(tmp_path: Path) -> None
     assert "voltage: found several inputs, left_pwm, right_pwm; choose with --map" in "".join(found.notes)
     path.write_text("t,u\n" + rows(T, 0.3 * np.sin(8 * T), sign=","))
     assert [one.column for one in read(path).columns] == ["position"]
+    assert all(map(is_input, ("LPWM", "RPWM")))  # of a driver with a half bridge for each direction
     assert [name for name in ("u", "U1", "control_input", "control_mode", "input_voltage") if is_input(name)] == [
         "u", "U1", "control_input",
     ]  # fmt: skip
