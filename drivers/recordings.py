@@ -25,7 +25,6 @@ log = logging.getLogger(__name__)
 
 MOST_RUNS = 30
 """of a file that are read, as many as a search compares in its time"""
-
 SHORT = 0.1
 """Share of the rows of the longest run, below which another one is a stub."""
 MOVING = ("position", "displacement", "accel")

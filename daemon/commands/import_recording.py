@@ -36,8 +36,8 @@ def import_recording(
     file: Path, output: Path | None, terms: tuple[str, ...], joint: str, topics: tuple[str, ...],
     episode: int | None, rate_hz: float | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Make a recording out of FILE: MCAP, rosbag2, a LeRobot dataset, PlotJuggler's or another CSV, a workbook, MAT,
-    NumPy, JSON, Parquet; - is stdin.
+    """Make a recording out of FILE: MCAP, a bag of ROS, a LeRobot dataset, PlotJuggler's or another CSV, a workbook,
+    MAT, HDF5, NumPy, JSON, Parquet; - is stdin.
 
     Columns are assigned to series by names and units, and the assignment is printed on stderr; --map sets it.  Without
     -o nothing is written: the series of FILE and the assignment are listed.  Options may stand behind a # in FILE, too.
