@@ -4,6 +4,7 @@ position=/joint_states.position[elbow]       the series of that name
 position=angle:deg                           in that unit, whatever its name
 position=raw*0.00153398-3.14159              times a number, and a number added
 position=raw*25.4:mm                         which makes this unit of it
+position=motor - output:deg                  the difference of two series of a table
 torque=                                      this column is left out
 time=log                                     (MCAP, rosbag2) when a message was received, not the stamp of its header
 """

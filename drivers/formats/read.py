@@ -15,6 +15,7 @@ from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, check_swing, doubts, in_degrees
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
+from lostmotion.drivers.formats.differences import with_differences
 from lostmotion.drivers.formats.goal import followed, goals, nearest, switched
 from lostmotion.drivers.formats.guess import (
     DRIVES,
@@ -78,7 +79,8 @@ def imported(path: Path, choice: Choice, opened: Opener = open_source) -> Import
     name = str(path) if choice.episode is None else f"{path}#episode={choice.episode}"
     still: Sequence[str] = ()
     if isinstance(source, Table):
-        source, still = without_still(with_angle(of_one_run(source, choice), choice), choice)
+        source = with_differences(of_one_run(source, choice), choice)
+        source, still = without_still(with_angle(source, choice), choice)
     guess, samples, clock = _guessed(source, choice, path)
     if isinstance(source, Table) and (constant := _constant(guess, samples)):
         source = without_constant(source, choice, constant)

@@ -71,6 +71,20 @@ def test_an_input_is_taken_once_and_beside_a_motion_only(tmp_path: Path) -> None
     ]  # fmt: skip
 
 
+def test_the_difference_of_two_series(tmp_path: Path) -> None:
+    """Of encoders before and behind a gear, if it is asked for; of the inputs of two half bridges without."""
+    path = tmp_path / "log.csv"
+    path.write_text("t,motor (deg),out - put (deg)\n" + rows(T, 30 * ANGLE, 20 * ANGLE, sign=","))
+    found = read(path, "position=motor (deg) - out - put (deg)").recording
+    np.testing.assert_allclose(found.columns["position"], np.radians(10 * ANGLE), atol=1e-5)
+    path.write_text("t,q,LPWM,RPWM\n" + rows(T, ANGLE, np.maximum(-INPUT, 0), np.maximum(INPUT, 0), sign=","))
+    found = read(path).recording
+    np.testing.assert_allclose(found.columns["voltage"], INPUT, atol=1e-4)
+    np.testing.assert_allclose(
+        read(path, "voltage=LPWM").recording.columns["voltage"], np.maximum(-INPUT, 0), atol=1e-4
+    )
+
+
 def test_positions_of_an_arm_without_names_are_told(tmp_path: Path) -> None:
     """Six columns are three positions and their speeds: the line to type names them, and the rate."""
     path = tmp_path / "arm.csv"
