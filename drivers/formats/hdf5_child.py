@@ -6,7 +6,6 @@ Run as a program with the file's path; see matlab_child.py for what it writes.
 
 from __future__ import annotations
 
-import io
 import resource
 import sys
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lostmotion.drivers.formats.matlab_child import DEEPEST, MOST_MEMORY, STEP, columns_of
+from lostmotion.drivers.formats.matlab_child import DEEPEST, MOST_MEMORY, STEP, columns_of, write
 
 TEXTS = (b"char", b"cell", b"string", b"function_handle")
 """MATLAB's classes that are stored as numbers, but are none"""
@@ -34,9 +33,7 @@ def main(path: str) -> int:
     except Exception as error:  # noqa: BLE001 - h5py raises almost anything on a damaged file
         sys.stderr.write(f"{type(error).__name__}: {error}")
         return 1
-    archive = io.BytesIO()
-    np.savez(archive, *found.values(), names=np.array(list(found), dtype=str))
-    sys.stdout.buffer.write(archive.getbuffer())
+    write(found)
     return 0
 
 

@@ -19,7 +19,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["STEP", "columns_of"]
+__all__ = ["DEEPEST", "MOST_MEMORY", "STEP", "columns_of", "write"]
 
 MOST_MEMORY = 4_000_000_000
 DEEPEST = 16
@@ -44,10 +44,15 @@ def main(path: str) -> int:
     except Exception as error:  # noqa: BLE001 - SciPy raises almost anything on a damaged file
         sys.stderr.write(f"{type(error).__name__}: {error}")
         return 1
+    write(found)
+    return 0
+
+
+def write(found: Mapping[str, NDArray[Any]]) -> None:
+    """Writes vectors by name to stdout."""
     archive = io.BytesIO()
     np.savez(archive, *found.values(), names=np.array(list(found), dtype=str))
     sys.stdout.buffer.write(archive.getbuffer())
-    return 0
 
 
 def _vectors(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
