@@ -58,7 +58,8 @@ def read_recordings(
         try:
             return [whole()]
         except RecordingError:
-            if not recordings and all(column_of(Path(path).stem) for path in paths):
+            quantities = {column_of(Path(path).stem) for path in paths} - {None}
+            if not recordings and len(quantities) == len(paths):
                 raise  # a file each of the positions and the torques of several joints
     elif len(paths) == len(given) and _are_parts(recordings):
         return [whole()]

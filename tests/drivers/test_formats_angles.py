@@ -9,6 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from lostmotion.daemon.cli import cli
+from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.recordings import read_recordings
 from tests.drivers.test_formats import read, refused
 from tests.drivers.test_formats_as_saved import rows
 
@@ -79,6 +81,9 @@ def test_a_swing_in_counts_is_asked_about(tmp_path: Path) -> None:
         "in which nothing swings so far; if these are counts of 4096 a turn, use --map 'position=q*0.00153398'" in said
     )
     assert np.ptp(read(path, "position=q:rad", base="joint").recording.columns["position"]) > 1700
+    runs = [saved(tmp_path / f"pos{at}.csv", "t,q", np.rint(2048 + 900 * SWING)) for at in range(2)]
+    with pytest.raises(RecordingError, match=r"pos0\.csv: found a swing from"):
+        read_recordings(runs, base="joint")
     driven = saved(tmp_path / "y.csv", "t,q,tau", np.rint(2048 + 900 * SWING), SWING)
     assert np.ptp(read(driven, base="joint").recording.columns["position"]) > 1700
 
