@@ -59,14 +59,12 @@ class _Runs:
     note: str = ""
 
     def of(self, rows: Sequence[Mapping[str, Any]], name: str) -> Mapping[str, Any]:
-        """That of these runs which is read; nothing where there is none of the number.  The first such list is that of
-        the runs, and has a note; of another one it is the longest."""
+        """That of these runs which is read.  The first such list is that of the runs, and has a note; of another one it
+        is the longest."""
         longest = max(range(len(rows)), key=lambda at: _rows_of(rows[at]))
         if len(rows) < 2 or self.count:
             return rows[longest]
         at, self.count = longest if self.chosen is None else self.chosen, len(rows)
-        if not 0 <= at < len(rows):
-            return {}
         held = f"{name or 'the list'} holds {len(rows)} runs"
         held = f"{', '.join(self.names)} are the runs 0 to {len(rows) - 1}" if self.names else held
         if self.chosen is None:
@@ -96,8 +94,6 @@ def _table(path: Path, held: Any, episode: int | None = None) -> Table:
     tests = tests_of(held)
     runs = _Runs(episode, list(tests))
     vectors = dict(_vectors(runs.of([*tests.values()], "") if tests else held, "", 0, runs))
-    if episode is not None and not 0 <= episode < runs.count:
-        raise RecordingError(f"{path}: found episode={episode}, expected 0 to {runs.count - 1}")
     table = table_of(str(path), "JSON", vectors, "as in {'time': [0, 0.01], 'angle': [0.1, 0.2]}")
     if not runs.count:
         return table

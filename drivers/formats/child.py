@@ -7,15 +7,20 @@ exit status 1.  It imports little of lostmotion, to start quickly, and limits it
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.source import in_words
 
-__all__ = ["output_of"]
+__all__ = ["output_of", "vectors_of"]
 
 LONGEST_S = 120.0
 """for a file of 400 MB, compressed, some 10"""
@@ -35,3 +40,9 @@ def output_of(program: str, path: Path, kind: str) -> bytes:
         message = done.stderr.decode(errors="replace").partition("note: ")[0].strip() or "its reader crashed"
         raise RecordingError(f"{path}: cannot be read as {kind}: {in_words(message)}; is it damaged?")
     return done.stdout
+
+
+def vectors_of(program: str, path: Path, kind: str) -> dict[str, NDArray[Any]]:
+    """The vectors that the program wrote (``matlab_child.write``), by name; see ``output_of``."""
+    with np.load(io.BytesIO(output_of(program, path, kind)), allow_pickle=False) as archive:
+        return {str(name): archive[f"arr_{index}"] for index, name in enumerate(archive["names"])}

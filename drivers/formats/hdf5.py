@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from lostmotion.drivers.formats.child import output_of
+from lostmotion.drivers.formats.child import vectors_of
 from lostmotion.drivers.formats.clocks import on_one_clock
 from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.formats.table import Table
@@ -22,7 +19,6 @@ def open_hdf5(path: Path) -> Table:
     """All datasets of the usual length, by their paths with dots; columns of matrices as ``qpos[0]``.  Raises
     RecordingError."""
     needed("h5py", path)
-    with np.load(io.BytesIO(output_of("hdf5_child.py", path, "HDF5")), allow_pickle=False) as archive:
-        vectors, notes = on_one_clock({str(name): archive[f"arr_{at}"] for at, name in enumerate(archive["names"])})
+    vectors, notes = on_one_clock(vectors_of("hdf5_child.py", path, "HDF5"))
     table = table_of(str(path), "HDF5", vectors, "save each signal as an array of numbers")
     return replace(table, notes=[*table.notes, *notes])

@@ -3,15 +3,10 @@ as HDF5."""
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lostmotion.drivers.formats.child import output_of
+from lostmotion.drivers.formats.child import vectors_of
 from lostmotion.drivers.formats.clocks import on_one_clock
 from lostmotion.drivers.formats.hdf5 import open_hdf5
 from lostmotion.drivers.formats.needed import needed
@@ -27,17 +22,10 @@ def open_matlab(path: Path) -> Table:
         if b"MATLAB 7.3" in file.read(128):
             return open_hdf5(path)
     check_size(str(path), path.stat().st_size)
-    vectors, notes = on_one_clock(_vectors(path))
+    needed("scipy.io", path)
+    vectors, notes = on_one_clock(vectors_of("matlab_child.py", path, "a MAT file"))
     table = table_of(
         str(path), "MAT", vectors,
         "save objects such as timeseries as arrays: t = ts.Time; y = ts.Data; save('x.mat', 't', 'y', '-v7')",
     )  # fmt: skip
     return replace(table, notes=[*table.notes, *notes])
-
-
-def _vectors(path: Path) -> dict[str, NDArray[Any]]:
-    """All vectors of numbers, by name.  Raises RecordingError."""
-    needed("scipy.io", path)
-    output = output_of("matlab_child.py", path, "a MAT file")
-    with np.load(io.BytesIO(output), allow_pickle=False) as archive:
-        return {str(name): archive[f"arr_{index}"] for index, name in enumerate(archive["names"])}

@@ -37,7 +37,7 @@ from lostmotion.drivers.formats.motion import (
     without_still,
 )
 from lostmotion.drivers.formats.registry import Opener, open_source
-from lostmotion.drivers.formats.runs import of_one_run, runs_in
+from lostmotion.drivers.formats.runs import of_one_run
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
 from lostmotion.drivers.formats.swinging import drift_of
 from lostmotion.drivers.formats.table import Table
@@ -45,7 +45,7 @@ from lostmotion.drivers.formats.words import is_gyroscope
 from lostmotion.drivers.recording import Recording, merge
 from lostmotion.drivers.units import COLUMN_UNITS, to_si
 
-__all__ = ["Imported", "imported", "runs_of"]
+__all__ = ["Imported", "imported"]
 
 INTEGRAL = {"rad/s": "rad", "m/s": "m"}
 """of a speed that is mapped to a position: encoders of motors often report nothing else"""
@@ -66,11 +66,6 @@ class Imported:
         name = self.recording.name
         head = f"{name}: {self.kind}; time: {self.clock}"
         return [head, *(f"  {_column_line(one)}" for one in self.columns), *(f"  note: {note}" for note in self.notes)]
-
-
-def runs_of(source: Source, choice: Choice) -> int:
-    """How many runs a file holds, of which none was chosen."""
-    return runs_in(source, choice) if isinstance(source, Table) else 1
 
 
 def imported(path: Path, choice: Choice, opened: Opener = open_source) -> Imported:

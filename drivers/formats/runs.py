@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.source import Choice, Series, shown
+from lostmotion.drivers.formats.source import Choice, Series, Source, shown
 from lostmotion.drivers.formats.swinging import power
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_run, is_time, joint_of
@@ -19,36 +20,41 @@ STILL = 0.1
 """of the motion of another run: what is left of one whose pendulum hangs still (0.005 of a published one)"""
 
 
-def runs_in(table: Table, choice: Choice) -> int:
+def runs_in(source: Source, choice: Choice) -> int:
     """How many runs a file holds, of which none was chosen: each may be a recording of its own."""
-    side_by_side = _runs(table, choice)
-    if choice.episode is not None or _of_joint(side_by_side, choice):
+    if not isinstance(source, Table) or choice.episode is not None or _of_joint(_side_by_side(source, choice), choice):
         return 1
-    return max(table.runs, len(side_by_side)) if table.runs > 1 or side_by_side else len(table.restarts(choice)) or 1
+    return len(_all(source, choice)) or 1
 
 
 def of_one_run(table: Table, choice: Choice) -> Table:
     """The table of the run with the number that was chosen.  Without a number, of runs side by side, where each column
     of times begins one, that of the joint that was chosen, else the longest, of equal ones the first that moves; and a
     note that says how to take another.  Raises RecordingError."""
-    runs = _runs(table, choice)
-    parts = table.restarts(choice) if choice.episode is not None and not runs and table.runs == 1 else []
-    if not (runs or parts):
-        return table.of_episode(choice.episode)
     if choice.episode is not None:
-        if choice.episode >= len(runs or parts):
-            raise RecordingError(
-                f"{table.name}: found episode={choice.episode}, expected 0 to {len(runs or parts) - 1}"
-            )
-        at = choice.episode
-        return replace(table, series=runs[at]) if runs else table.of_rows(parts[at])
-    own = _of_joint(runs, choice)
-    chosen = own[0] if own else _longest(table, runs)
+        runs = _all(table, choice)
+        if not 0 <= choice.episode < max(len(runs), 1):
+            said = f"0 to {len(runs) - 1}" if runs else "0, as the file holds one run"
+            raise RecordingError(f"{table.name}: found episode={choice.episode}, expected {said}")
+        return runs[choice.episode]() if runs else table
+    if not (beside := _side_by_side(table, choice)):
+        return table
+    own = _of_joint(beside, choice)
+    chosen = own[0] if own else _longest(table, beside)
     note = (
-        f"{len(runs)} runs side by side: that with the times {shown(chosen[0].name)} is used; for another "
-        f"FILE#episode={int(chosen is runs[0])}"
+        f"{len(beside)} runs side by side: that with the times {shown(chosen[0].name)} is used; for another "
+        f"FILE#episode={int(chosen is beside[0])}"
     )
     return replace(table, series=chosen, notes=[*table.notes, note])
+
+
+def _all(table: Table, choice: Choice) -> list[Callable[[], Table]]:
+    """What reads each of several runs; nothing for one."""
+    if table.open_episode:
+        return [partial(table.open_episode, at) for at in range(table.runs)]
+    if beside := _side_by_side(table, choice):
+        return [partial(replace, table, series=series) for series in beside]
+    return [partial(table.of_rows, rows) for rows in table.restarts(choice)]
 
 
 def _of_joint(runs: Sequence[list[Series]], choice: Choice) -> list[list[Series]]:
@@ -68,7 +74,7 @@ def _longest(table: Table, runs: Sequence[list[Series]]) -> list[Series]:
     return runs[next(i for i in longest if moved[i] >= least)]
 
 
-def _runs(table: Table, choice: Choice) -> list[list[Series]]:
+def _side_by_side(table: Table, choice: Choice) -> list[list[Series]]:
     """The columns from each column of times to the next, where all of these but the first are numbered; none where
     there is one, or the times are given."""
     series = table.series

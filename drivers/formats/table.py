@@ -70,19 +70,10 @@ class Table:
     notes: Sequence[str] = field(default=())
     metadata: Mapping[str, Any] = field(default_factory=dict)
     open_episode: Callable[[int], Table] | None = None
-    """Reads another run of the file, by its number from 0; None where it holds one.  Raises RecordingError."""
+    """Reads one of the ``runs`` of the file, by its number from 0; None where it holds one.  Raises RecordingError."""
     runs: int = 1
-    """How many runs the file holds."""
     rate: tuple[str, float] = ("", 0.0)
     """What the file calls its rows a second, and how many it says; "" and 0.0 where it does not say it."""
-
-    def of_episode(self, episode: int | None) -> Table:
-        """The table of this run, or itself for None.  Raises RecordingError."""
-        if episode is not None and self.open_episode:
-            return self.open_episode(episode)
-        if episode:
-            raise RecordingError(f"{self.name}: found episode={episode}, expected 0, as the file holds one run")
-        return self
 
     def of_rows(self, rows: slice) -> Table:
         """The table of these rows."""
@@ -114,8 +105,8 @@ class Table:
             clock_text = series.name if series.name.endswith(f"[{clock_text}]") else f"{series.name} [{clock_text}]"
             part, notes = _in_order(times)
             times, loaded = times[part], {name: values[part] for name, values in loaded.items()}
-            held = [~np.isnan(np.asarray(loaded[name], dtype=np.float64)) for name in names]
-            notes += self._check(times, series.name, np.any(held, axis=0))
+            self._check(times, series.name)
+            notes += _lost(times, [loaded[name] for name in names])
         values = {}
         for name in names:
             numbers = np.asarray(loaded[name], dtype=np.float64)
@@ -244,8 +235,8 @@ class Table:
         """From row to row, of each series but for very many."""
         return {name: np.diff(values) for name, values in self.looked_at.items() if values.size > LEAST_ROWS}
 
-    def _check(self, times: FloatArray, clock: str, held: NDArray[np.bool_]) -> list[str]:
-        """A note on the rows (N,) that hold something, but no time.  Raises RecordingError for times that are none."""
+    def _check(self, times: FloatArray, clock: str) -> None:
+        """Raises RecordingError for times that are none."""
         known = times[~np.isnan(times)]
         if known.size == 0:
             raise RecordingError(f"{self.name}: found no time in {clock!r}, expected numbers; is the table empty?")
@@ -263,8 +254,17 @@ class Table:
                 f"{self.name}: found the time {known[row - 1]:.9g} s after {known[row - 2]:.9g} s in row {row}, "
                 "expected rows in time order; were two recordings joined, or did a clock step?"
             )
-        lost = np.count_nonzero(np.isnan(times) & held)
-        return [f"{lost} rows without a time were left out"] if lost else []
+
+
+def _lost(times: FloatArray, columns: Sequence[Array]) -> list[str]:
+    """A note on the rows that hold something, but no time (N,)."""
+    rows = np.isnan(times)
+    if not rows.any():
+        return []
+    lost = np.count_nonzero(
+        np.any([~np.isnan(np.asarray(values, dtype=np.float64)[rows]) for values in columns], axis=0)
+    )
+    return [f"{lost} rows without a time were left out"] if lost else []
 
 
 def _is_slow(steps: float, rate: float) -> bool:

@@ -14,7 +14,6 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -84,9 +83,8 @@ def _warn(experiments: Sequence[Experiment], told: Mapping[int, float], message:
         return
     (first, number), *others = told.items()
     name, said = experiments[first].name, f"{number:.4g}"
-    if others:
-        least, most = min(others, key=itemgetter(1))[1], max(others, key=itemgetter(1))[1]
-        name, said = f"{name} and {len(others)} more", f"{said} ({least:.4g} to {most:.4g})"
+    if rest := [each for _, each in others]:
+        name, said = f"{name} and {len(rest)} more", f"{said} ({min(rest):.4g} to {max(rest):.4g})"
     log.warning(f"%s: {message}", name, said)
 
 

@@ -26,6 +26,8 @@ OWN = "acme_msgs/msg/Load"
 OWN_TEXT = "std_msgs/Header header\nstring[] name\nfloat64[] torque\nuint8[] picture\n"
 STORE = typestore("new")
 STORE.register(get_types_from_msg(OWN_TEXT, OWN))
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+ROS1.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
 TYPES = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/arm_controller/controller_state": STATE,
@@ -113,10 +115,8 @@ def write_unindexed(path: Path) -> None:
 
 def ros1(count: int = COUNT) -> Iterator[tuple[str, str, int, bytes]]:
     """Topic, type, time of receipt [ns] and bytes of messages of ROS 1: joint states, and a type of somebody's own."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
     joint_states, drive = "sensor_msgs/msg/JointState", "acme_msgs/msg/Drive"
-    types = store.types
+    types = ROS1.types
     for k in range(count):
         t, instant = k * JOINT_S, START_NS + round(k * JOINT_S * 1e9)
         stamp = types["builtin_interfaces/msg/Time"](*divmod(instant, 10**9))
@@ -124,18 +124,16 @@ def ros1(count: int = COUNT) -> Iterator[tuple[str, str, int, bytes]]:
         both = np.array([angle(t), -angle(t)])
         state = types[joint_states](header, JOINTS, both, np.empty(0), 2 * both)
         own = types[drive](header, 3 * float(angle(t)))
-        yield "/joint_states", joint_states, instant + LATE_NS, bytes(store.serialize_ros1(state, joint_states))
-        yield "/drive", drive, instant + LATE_NS, bytes(store.serialize_ros1(own, drive))
+        yield "/joint_states", joint_states, instant + LATE_NS, bytes(ROS1.serialize_ros1(state, joint_states))
+        yield "/drive", drive, instant + LATE_NS, bytes(ROS1.serialize_ros1(own, drive))
 
 
 def write_ros1(path: Path) -> None:
     """As ``rosbag record`` of ROS 1 makes it; two publishers of the joint states."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
     with Ros1Writer(path) as writer:
         kinds = dict.fromkeys((topic, kind) for topic, kind, _, _ in ros1())
         connections = {
-            (topic, at): writer.add_connection(topic, kind, typestore=store, callerid=f"/node{at}")
+            (topic, at): writer.add_connection(topic, kind, typestore=ROS1, callerid=f"/node{at}")
             for topic, kind in kinds
             for at in range(2)
         }
@@ -145,15 +143,13 @@ def write_ros1(path: Path) -> None:
 
 def write_ros1_mcap(path: Path) -> None:
     """The same messages in MCAP, whose types are called as ROS 1 does."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("Header header\nfloat64 current\n", "acme_msgs/msg/Drive"))
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start("ros1")
         channels = {}
         for topic, kind, received, data in ros1():
             if topic not in channels:
-                text, _ = store.generate_msgdef(kind, ros_version=1)
+                text, _ = ROS1.generate_msgdef(kind, ros_version=1)
                 schema = writer.register_schema(kind.replace("/msg/", "/"), "ros1msg", text.encode())
                 channels[topic] = writer.register_channel(topic, "ros1", schema)
             writer.add_message(channels[topic], received, data, received)
