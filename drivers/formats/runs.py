@@ -16,8 +16,9 @@ from lostmotion.drivers.formats.words import is_run, is_time, joint_of
 
 __all__ = ["STILL", "of_one_run", "runs_in"]
 
-STILL = 0.1
-"""of the motion of another run: what is left of one whose pendulum hangs still (0.005 of a published one)"""
+STILL = 0.02
+"""of the motion of another run: what is left of one whose pendulum hangs still.  0.005 of a published one; 0.064 of a
+disk that is driven far below its resonance, beside one at it."""
 
 
 def runs_in(source: Source, choice: Choice) -> int:

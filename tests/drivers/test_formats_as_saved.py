@@ -235,6 +235,16 @@ def test_runs_one_after_another(tmp_path: Path, caplog: pytest.LogCaptureFixture
     assert f"{path}: found episode=4, expected 0 to 3" in refused(path, episode=4)
 
 
+def test_a_run_that_moves_less_is_not_at_rest(tmp_path: Path) -> None:
+    """A driven disk moves by 0.064 of what it does at its resonance, and a pendulum that hangs still by 0.005."""
+    path = tmp_path / "driven.csv"
+    header = ",".join(f"Time (s) Run #{run},Angle (rad) Run #{run}" for run in (1, 2, 3))
+    angles = (SWING, 0.06 * SWING, 0.005 * SWING)
+    path.write_text(f"{header}\n" + rows(*(each for angle in angles for each in (T, angle)), sign=","))
+    moved = [np.ptp(one.columns["position"]) / np.ptp(SWING) for one in read_recordings([path])]
+    assert moved == pytest.approx([1.0, 0.06], rel=0.01)
+
+
 def test_a_joint_of_each_of_several_runs(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Two sensors in each run: that of a joint is one recording a run.  Rows beyond the end of a run are none of it."""
     path = tmp_path / "pasco.csv"
