@@ -30,6 +30,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_recordings_go_through_pipes(recording: Path, tmp_path: Path) -> None:
     """Simulated, converted there and back, and scored: the same as with files, and nothing else on standard output."""
     text = recording.read_bytes()

@@ -294,6 +294,7 @@ def test_a_symbol_of_the_joint_and_a_quantity_of_it(tmp_path: Path) -> None:
     assert found["torque"] == pytest.approx(2 * ANGLE)
 
 
+@pytest.mark.slow
 def test_text_with_metadata_and_many_columns(tmp_path: Path) -> None:
     """Lines of ``# key = value`` count, as in lostmotion's own files; a header of 100 kB is another program's."""
     path = tmp_path / "x.csv"

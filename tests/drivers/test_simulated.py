@@ -244,6 +244,7 @@ def prepares_late(monkeypatch: pytest.MonkeyPatch, work: Callable[[], object]) -
     monkeypatch.setattr(Gear, "prepare", lambda gear, *given: (work(), prepare(gear, *given)))
 
 
+@pytest.mark.slow
 def test_a_slow_start_is_not_told_as_a_compilation(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

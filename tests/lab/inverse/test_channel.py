@@ -239,6 +239,7 @@ def test_a_supply_that_is_switched_to_and_fro_needs_samples_that_brake(constant_
     assert Channel.of([replace(recorded, drive_unit="")]).band_hz > 0
 
 
+@pytest.mark.slow
 def test_constant_voltages_of_several_sizes_are_no_single_supply() -> None:
     """A motor that starts from rest by another constant voltage in each recording: each alone would be exact as dry
     friction of its size, all together tell the back EMF from the friction."""

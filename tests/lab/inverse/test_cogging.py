@@ -92,6 +92,7 @@ def turned(seed: int, periods: int, size: float) -> Recording:
     return Recording(time, columns, {}, {}, 0, f"turned{seed}.csv")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("periods", "named"), [(4, "torque_ripple"), (2, "torque_ripple"), (1, "gravity_torque")])
 def test_a_joint_turns_over_little_more_or_less_than_a_period(periods: int, named: str, tmp_path: Path) -> None:
     """What leaves no more than noise is named, not a weight and a spring that together leave ten times as much; nor is

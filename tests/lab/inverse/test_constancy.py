@@ -40,6 +40,7 @@ def test_masses_on_springs(
     assert re.search(said, caplog.text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [1.0, 2.5])
 def test_joints_of_robots(inertia: float, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Of one robot nothing is told; of another one, whose torques are larger, it is told that it is another one."""
@@ -50,6 +51,7 @@ def test_joints_of_robots(inertia: float, tmp_path: Path, caplog: pytest.LogCapt
     assert (SAID in caplog.text) is (inertia > 1)
 
 
+@pytest.mark.slow
 def test_another_zero_of_the_torque(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """What differs is told by what it changes: a constant of 2 N m, and no friction that takes its place."""
     recordings = [replace(robot(seed), name=f"r{seed}.csv") for seed in (1, 2, 3)]

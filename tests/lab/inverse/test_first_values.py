@@ -45,6 +45,7 @@ def fitted(swing: Recording, viscous: float) -> Regression:
     return regressed(model, data, data.nuisance, 30)
 
 
+@pytest.mark.slow
 def test_drag_beside_a_friction_of_zero_begins_no_worse_than_without_it(swing: Recording) -> None:
     """Both take the place of viscous friction, of which less is then needed: the first step leaves less than the fit
     without drag, and dry friction, which cannot be smaller than zero, is no part of it."""
@@ -67,6 +68,7 @@ def test_no_fit_begins_with_an_impossible_torque(times: float, is_possible: bool
     assert bool(_possible([(model, data.nuisance)], ["coulomb_friction.tau_c"], data)) is is_possible
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "is_simulated"), [(1.0, True), (100.0, True), (1e5, False)])
 def test_no_step_asks_for_an_impossible_torque(factor: float, is_simulated: bool, swing: Recording) -> None:
     """A step of a fit to a wheel that coasts asked for 1e11 times the torque of its inertia, and the stiff motion took

@@ -62,6 +62,7 @@ def pendulum(off: float = 1.0) -> Model:
     return held(known, free_names(known))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "off", "left"), [(0, 1.0, NOISE), (3, 1.0, NOISE), (0, 1.003, 0.06), (3, 0.995, 0.1)])
 def test_initial_state_of_many_large_swings(seed: int, off: float, left: float) -> None:
     """The period depends on the amplitude: a fit to the whole begins with the speed of a filtered angle near its end,

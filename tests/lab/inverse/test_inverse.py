@@ -166,6 +166,7 @@ def explained(folder: Path, model: str, recordings: list[Recording], *options: s
     return dict(json.loads(result.stdout))
 
 
+@pytest.mark.slow
 def test_friction_of_the_last_recording_alone_is_told_as_such(tmp_path: Path) -> None:
     """A bearing that rubs in the last recording only is not named, as the fit has not seen it; that far more is left
     there is said, and not where the others rub as well."""

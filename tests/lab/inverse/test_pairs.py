@@ -69,6 +69,7 @@ def test_weight_of_a_small_swing_is_no_spring(tmp_path: Path) -> None:
     assert set(answer["missing"]) == {"gravity_torque", "coulomb_friction", "viscous_friction"}
 
 
+@pytest.mark.slow
 def test_a_pendulum_that_falls_from_the_upright_has_its_weight(tmp_path: Path) -> None:
     """Its swing with the weight alone is out of phase, and has a larger error than with a spring; the weight explains
     most of the acceleration, and is the first of the pair that is named."""
@@ -83,6 +84,7 @@ def test_a_pendulum_that_falls_from_the_upright_has_its_weight(tmp_path: Path) -
     assert answer["error"]["after"] < 2 * 3e-3
 
 
+@pytest.mark.slow
 def test_coarse_steps_of_an_encoder_hide_no_friction(tmp_path: Path) -> None:
     """A pendulum swings by 100 degrees, so that its period depends on its amplitude, and the encoder has steps of 0.01
     rad.  Coulomb friction and drag damp as viscous friction does, which is named first.  A fit with the pair begins in
@@ -101,6 +103,7 @@ def test_coarse_steps_of_an_encoder_hide_no_friction(tmp_path: Path) -> None:
     assert answer["error"]["after"] < 1.2 * 0.01 / math.sqrt(12)
 
 
+@pytest.mark.slow
 def test_drag_and_dry_friction_take_the_place_of_viscous_friction(tmp_path: Path) -> None:
     """Of a pendulum that falls from the upright.  Viscous friction is named first; with drag and Coulomb friction it is
     much smaller.  While the fit with one more effect began with the present values of all others, it ended at 900 times

@@ -167,6 +167,7 @@ def disk(deflected: float, hand_s: float, zero: float = 0.0) -> Recording:
     return Recording(times, {"position": np.round(angle / 0.0175) * 0.0175}, name=f"disk_{zero}.csv")
 
 
+@pytest.mark.slow
 def test_a_disk_on_a_spring_that_a_hand_deflects_within_half_a_period(tmp_path: Path) -> None:
     """A hand takes it from rest to its largest deflection as fast as it swings.  Its dry friction is found to 2 %; with
     the hand's half period in the fit nothing was named, or viscous friction."""

@@ -231,6 +231,7 @@ def test_dry_friction_and_drag_together(friction: float, tmp_path: Path) -> None
         assert answer["parameters"]["quadratic_damping.b2"][0] == pytest.approx(0.02 * drag, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("range_ms2", "offset"), [(19.6, 0.0), (19.6, 9.81), (157.0, 9.81)])
 def test_a_struck_bar_beyond_the_range_of_its_accelerometer(range_ms2: float, offset: float, tmp_path: Path) -> None:
     """The range is found to 0.1 %, and nothing beside it, also where the sensor feels gravity and one side is cut off
