@@ -77,14 +77,29 @@ def _of_strongest_mode(model: Model, experiments: Sequence[Experiment], wanted: 
 
 def strongest_mode(model: Model, experiments: Sequence[Experiment]) -> Model | None:
     """The model with the mass, damping and stiffness of the strongest mode, as another mode biases those of
-    ``from_spectra``; None where these are not physical."""
+    ``from_spectra``; of a free motion with its stiffness and rest.  None where these are not physical."""
     wanted = [
         name for name in ORDER.get(model.base, {}) if name in model.parameters and not model.parameters[name].fixed
     ]
     if model.base != "oscillator" or not wanted:
         return None
+    if all(one.drive is None for one in experiments):
+        return _of_free_motion(model, experiments[0])
     values = _of_strongest_mode(model, experiments, wanted)
     return model.replace(values) if values and min(values.values()) > 0 else None
+
+
+def _of_free_motion(model: Model, experiment: Experiment) -> Model | None:
+    """The model with k = m (2 pi f)², f being the strongest line in the spectrum of the output, and at rest at its
+    mean; None without a line, or with a stiffness that is given.  The acceleration of an angle that is read 10 000
+    times a second in steps of 0.16 mrad is noise: a fit to that of a pendulum of 1.3 Hz had one of 23 Hz."""
+    column = next(name for name in OUTPUTS["oscillator"] if name in experiment.measured)
+    lines = spectral_lines(experiment.measured[column], experiment.rate_hz)
+    if not lines or model.parameters["k"].fixed:
+        return None
+    k = model.parameters["m"].value * (2 * np.pi * lines[0]) ** 2
+    rest = float(np.nanmean(experiment.measured[column])) if column == "displacement" else 0.0
+    return model.replace({"k": k, **({} if model.parameters["bias"].fixed else {"bias": k * rest})})
 
 
 def from_spectra(model: Model, experiments: Sequence[Experiment]) -> Model:

@@ -31,17 +31,35 @@ NOISE_M = 1e-4
 
 
 def cart(seed: int, first: float, rubbing: float = RUBBING_N) -> Recording:
-    """A mass on a spring that is let go, in closed form: half swings about +-F/k, each smaller by 2 F/k, until the
-    spring no longer overcomes the friction."""
-    rng = np.random.default_rng(seed)
-    times, w = np.arange(0.0, 5.0, 0.01), 2 * np.pi * HZ
-    shift = rubbing / (MASS * w**2)
+    """A mass on a spring that is let go."""
+    rng, times = np.random.default_rng(seed), np.arange(0.0, 5.0, 0.01)
+    moving = let_go(times, first, HZ, rubbing / MASS)
+    return Recording(times, {"displacement": moving + NOISE_M * rng.standard_normal(times.size)}, name=f"c{seed}.csv")
+
+
+def let_go(times: FloatArray, first: float, hz: float, rubbing: float) -> FloatArray:
+    """The motion in closed form: half swings about +-f/w², each smaller by 2 f/w², until the spring no longer overcomes
+    the friction; rubbing: f, the friction by the mass."""
+    w = 2 * np.pi * hz
+    shift = rubbing / w**2
     half = np.floor(w * times / np.pi)
     last = np.ceil((first - shift) / (2 * shift)) if shift else np.inf
     swing = first - (2 * half + 1) * shift
     moving = swing * np.cos(w * times) + np.where(half % 2, -shift, shift)
-    moving = np.where(half < last, moving, (-1.0) ** last * (first - 2 * last * shift) if shift else 0.0)
-    return Recording(times, {"displacement": moving + NOISE_M * rng.standard_normal(times.size)}, name=f"c{seed}.csv")
+    return np.where(half < last, moving, (-1.0) ** last * (first - 2 * last * shift) if shift else 0.0)
+
+
+@pytest.mark.slow
+def test_a_slow_swing_that_is_read_fast_by_a_coarse_encoder(tmp_path: Path) -> None:
+    """A pendulum of 1.3 Hz, 10 000 readings a second in steps of 0.16 mrad around pi, that comes to rest.  The stiffness
+    of its acceleration is that of noise, 280 times as large, from which no effect of the catalogue led to the swing."""
+    times = np.arange(0.0, 12.0, 1e-4)
+    angle = 1.57e-4 * np.round((np.pi + let_go(times, 0.066, 1.286, 0.165)) / 1.57e-4)
+    found = explained(tmp_path, 'base = "oscillator"\n', [Recording(times, {"displacement": angle}, name="swing.csv")])
+    assert found["missing"] == ["coulomb_friction"]
+    mass = found["scale"][0]["value"]
+    assert found["parameters"]["coulomb_friction.tau_c"][0] == pytest.approx(0.165 * mass, rel=0.02)
+    assert found["parameters"]["k"][0] == pytest.approx((2 * np.pi * 1.286) ** 2 * mass, rel=1e-3)
 
 
 @pytest.mark.slow
