@@ -52,6 +52,8 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
     for name in found:
         is_angular = base == "oscillator" and pairs[name] not in recording.foreign_units
         instead = f", so that {recording.unit(name)} stands for {recording.unit(pairs[name])}" if is_angular else ""
+        if instead and recording.unit(pairs[name]) == "rad":
+            instead += "; for a pendulum that swings far use the base joint, whose weight acts by the sine of its angle"
         log.warning("%s: no %s was found; the %s is taken for it%s", recording.name, name, pairs[name], instead)
     columns = {**recording.columns, **{name: recording.columns[pairs[name]] for name in found}}
     units = {f"{name}_unit": recording.unit(pairs[name]) for name in found if base == "joint"}

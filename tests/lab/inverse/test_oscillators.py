@@ -51,8 +51,8 @@ def let_go(times: FloatArray, first: float, hz: float, rubbing: float) -> FloatA
 
 @pytest.mark.slow
 def test_a_slow_swing_that_is_read_fast_by_a_coarse_encoder(tmp_path: Path) -> None:
-    """A pendulum of 1.3 Hz, 10 000 readings a second in steps of 0.16 mrad around pi, that comes to rest.  The stiffness
-    of its acceleration is that of noise, 280 times as large, from which no effect of the catalogue led to the swing."""
+    """A pendulum of 1.3 Hz, 10 000 readings a second in steps of 0.16 mrad around pi, that comes to rest.  By noise the
+    stiffness of its acceleration is 280 times as large, from which no effect of the catalogue led to the swing."""
     times = np.arange(0.0, 12.0, 1e-4)
     angle = 1.57e-4 * np.round((np.pi + let_go(times, 0.066, 1.286, 0.165)) / 1.57e-4)
     found = explained(tmp_path, 'base = "oscillator"\n', [Recording(times, {"displacement": angle}, name="swing.csv")])
