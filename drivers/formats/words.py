@@ -132,6 +132,10 @@ TRANSLATED = {
 }
 """words of other languages without their accents, and abbreviations of two words in one"""
 ENGLISH = {word: english for english, words in TRANSLATED.items() for word in words.split()}
+HEADS = "geschwindigkeit drehzahl winkel drehmoment spannung strom beschleunigung kraft temperatur zeit"
+COMPOUND = re.compile(rf"(soll|ist)?([a-z]*)({'|'.join(HEADS.split())}|position|moment)", re.IGNORECASE)
+"""a German noun of several: ``Motorspannung``, ``Sollposition``"""
+BEFORE_NOUN = {"soll": "goal", "ist": "actual"}
 SIGNS = {
     "角加速度": " angular acceleration ", "角速度": " angular velocity ", "加速度": " acceleration ",
     "速度": " velocity ", "角度": " angle ", "位移": " displacement ", "位置": " position ", "时间": " time ",
@@ -371,7 +375,17 @@ def _english(name: str) -> str:
     plain = DOTTED.sub(r"\1 \2", name.translate(GREEK))
     if not plain.isascii():
         plain = "".join(letter for letter in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(letter))
-    return re.sub(r"[A-Za-z]+", lambda word: ENGLISH.get(word[0].lower(), word[0]), plain)
+    return re.sub(r"[A-Za-z]+", lambda word: ENGLISH.get(word[0].lower(), "") or _of_nouns(word[0]), plain)
+
+
+def _of_nouns(word: str) -> str:
+    """A German compound in words, its nouns in English; another word as it is."""
+    found = COMPOUND.fullmatch(word)
+    if not found or found[3] == word:
+        return word
+    before = BEFORE_NOUN.get((found[1] or "").lower(), "")
+    nouns = (before, found[2], ENGLISH.get(found[3].lower(), found[3]))
+    return " ".join(filter(None, nouns))
 
 
 def _proper(text: str) -> str:

@@ -22,6 +22,7 @@ from lostmotion.lab.data.frequency_response import turned
 from lostmotion.lab.data.rounded_input import rounding_step, smooth_motion
 from lostmotion.lab.data.series import seen
 from lostmotion.lab.data.stand_ins import LENGTHS, imported_columns, is_sampled, with_stand_ins
+from lostmotion.lab.data.step_start import with_rest_before
 from lostmotion.lab.data.supply import is_of_motor, of_voltage, supplied
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model import Model, Motion, Sampled
@@ -184,6 +185,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         recording = readings.without_lost_readings(recording)
     column = _input(model.base, recording, of_motor)
     recording = readings.without_held_readings(recording, outputs, column)
+    recording = with_rest_before(recording, column) if model.base == "joint" else recording
     step = rounding_step(recording.columns[column]) if model.base == "play" and is_sampled(recording, column) else 0.0
     drive = _drive(model.base, recording, column, step)
     if model.base == "oscillator":

@@ -1,0 +1,79 @@
+"""Recordings that begin with a step of the input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from lostmotion.daemon.cli import cli
+from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab.data.step_start import with_rest_before
+from lostmotion.model.motion import FloatArray
+
+TIME_CONSTANT_S, DAMPING, COULOMB, DEGREE = 0.1, 8.2, 9.2, np.pi / 180
+TIME = np.arange(0.0, 1.0, 0.006)
+
+
+def started(duty: float) -> FloatArray:
+    """The angle of a motor from rest, in closed form, in whole degrees as its encoder has them."""
+    speed = np.sign(duty) * (abs(duty) - COULOMB) / DAMPING
+    turned = speed * (TIME - TIME_CONSTANT_S * (1 - np.exp(-TIME / TIME_CONSTANT_S)))
+    return np.asarray(DEGREE * np.round(turned / DEGREE))
+
+
+def recorded(position: FloatArray, torque: FloatArray) -> Recording:
+    """A recording of these columns."""
+    return Recording(TIME, {"position": position, "torque": torque}, name="run.csv")
+
+
+CONSTANT = np.full(TIME.size, 60.0)
+CHANGES = 60.0 + 5.0 * np.sin(20 * TIME)
+
+
+@pytest.mark.parametrize(
+    ("position", "torque", "is_step"),
+    [
+        (started(60.0), CONSTANT, True),
+        (started(60.0) + 70.0, CONSTANT, True),
+        (started(60.0), np.where(TIME < 0.3, 60.0, -60.0), True),
+        (6.0 * TIME, CONSTANT, False),
+        (6.0 * TIME, np.zeros(TIME.size), False),
+        (started(60.0), CHANGES, False),
+        (np.zeros(TIME.size), CONSTANT, False),
+        (np.cos(4 * TIME), 10 * np.cos(4 * TIME), False),
+    ],
+)
+def test_the_input_was_switched_on_where_a_motion_begins_at_rest(
+    position: FloatArray, torque: FloatArray, is_step: bool
+) -> None:
+    """At a constant input from the first row on, and nowhere else; the rows that were there are as they were."""
+    held = recorded(position, torque)
+    found = with_rest_before(held, "torque")
+    count = found.time.size - TIME.size
+    assert (count > 0) is is_step
+    assert np.array_equal(found.columns["position"][count:], position)
+    assert np.array_equal(found.columns["torque"][count:], torque)
+    assert np.all(found.columns["torque"][:count] == 0)
+    assert np.all(found.columns["position"][:count] == position[0])
+    assert np.allclose(np.diff(found.time), 0.006)
+
+
+def test_the_inertia_of_a_motor_that_is_switched_on_at_the_first_row(tmp_path: Path) -> None:
+    """Its time constant is a tenth of a second, and the first seventh of a recording is where the filter has its
+    transient: the inertia was 0.6 % of this, and of 17 % of the duty friction one half."""
+    names = []
+    for duty in (100.0, 80.0, 60.0, 40.0, -20.0, -40.0, -60.0, -80.0):
+        names.append(str(tmp_path / f"{duty:g}.csv"))
+        write_recording(recorded(started(duty), np.full(TIME.size, duty)), Path(names[-1]))
+    (tmp_path / "m.toml").write_text('base = "joint"\neffects = ["viscous_friction", "coulomb_friction"]\n')
+    model, fitted = str(tmp_path / "m.toml"), str(tmp_path / "fitted.toml")
+    ran = CliRunner().invoke(cli, ["lab", "fit", model, *names, "-o", fitted, "--json"])
+    assert ran.exit_code == 0, ran.output
+    found = {name: value for name, (value, _, _) in json.loads(ran.stdout)["parameters"].items()}
+    assert found["J"] == pytest.approx(TIME_CONSTANT_S * DAMPING, rel=0.15)
+    assert found["viscous_friction.b_v"] == pytest.approx(DAMPING, rel=0.05)
+    assert found["coulomb_friction.tau_c"] == pytest.approx(COULOMB, rel=0.2)
