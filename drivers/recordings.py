@@ -10,6 +10,8 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
+import numpy as np
+
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.choice import PLUS, parse_map, split_address
 from lostmotion.drivers.formats.registry import Opener, is_foreign, open_source
@@ -69,8 +71,8 @@ def read_recordings(
 
 
 def _runs(path: str | Path, joint: str, terms: Sequence[str], opened: Opener) -> list[str | Path]:
-    """The address of each run in a file, the first ``MOST_RUNS`` of very many; of one run, and of a file that cannot be
-    read, the path."""
+    """The address of each run in a file, of very many ``MOST_RUNS`` from the first to the last, as runs of one kind
+    stand together; of one run, and of a file that cannot be read, the path."""
     file, choice = split_address(Path(path))
     if not is_foreign(file):
         return [path]
@@ -80,10 +82,10 @@ def _runs(path: str | Path, joint: str, terms: Sequence[str], opened: Opener) ->
         count = runs_in(opened(file), choice)
     if count == 1:
         return [path]
-    used = min(count, MOST_RUNS)
-    said = "each is a recording" if used == count else f"the first {used} are used, each as a recording"
+    used = np.linspace(0, count - 1, min(count, MOST_RUNS)).astype(int).tolist()
+    said = "each is a recording" if len(used) == count else f"{len(used)} of them are used, each as a recording"
     log.warning("%s: found %d runs: %s; for one of them FILE#episode=0", path, count, said)
-    return [f"{path}{',' if Path(path) != file else '#'}episode={at}" for at in range(used)]
+    return [f"{path}{',' if Path(path) != file else '#'}episode={at}" for at in used]
 
 
 def _tried(

@@ -133,7 +133,7 @@ TRANSLATED = {
 """words of other languages without their accents, and abbreviations of two words in one"""
 ENGLISH = {word: english for english, words in TRANSLATED.items() for word in words.split()}
 HEADS = "geschwindigkeit drehzahl winkel drehmoment spannung strom beschleunigung kraft temperatur zeit"
-COMPOUND = re.compile(rf"(soll|ist)?([a-z]*)({'|'.join(HEADS.split())}|position|moment)", re.IGNORECASE)
+COMPOUND = re.compile(rf"(soll|ist)?([a-z]*?)({'|'.join(HEADS.split())}|position|moment)", re.IGNORECASE)
 """a German noun of several: ``Motorspannung``, ``Sollposition``"""
 BEFORE_NOUN = {"soll": "goal", "ist": "actual"}
 SIGNS = {

@@ -429,7 +429,7 @@ def test_runs_in_json(tmp_path: Path) -> None:
     assert "found episode=1, expected 0, as the file holds one run" in refused(path, rate_hz=50, episode=1)
     path.write_text(json.dumps([long] * 40 + [short]))
     several = read_recordings([f"{path}#rate-hz=50"])
-    assert [one.name for one in several] == [f"{path}#episode={at}" for at in range(30)]
+    assert [one.name for one in several] == [f"{path}#episode={40 * at // 29}" for at in range(30)]
 
 
 @pytest.mark.parametrize("unit", ["Radians", "Rotations"])
@@ -1047,3 +1047,20 @@ def test_times_that_no_recording_may_have_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "times.csv"
     path.write_text("t;angle [rad]\n0;1\n1e300;2\n")
     assert "found rows over 1e+" in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("Motorspannung", "voltage"),
+        ("Ankerstrom [A]", "current"),
+        ("Sollposition", "command"),
+        ("Istposition", "position"),
+        ("Antriebsdrehmoment", "torque"),
+        ("Sollgeschwindigkeit", None),
+        ("Motordrehzahl", None),
+    ],
+)
+def test_compounds_of_german_nouns(name: str, column: str | None) -> None:
+    """A noun of several is what its last one is; a goal is no measurement."""
+    assert column_of(name) == column

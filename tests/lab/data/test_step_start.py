@@ -11,7 +11,9 @@ from click.testing import CliRunner
 
 from lostmotion.daemon.cli import cli
 from lostmotion.drivers.recording import Recording, write_recording
+from lostmotion.lab.data.checks import check_goal
 from lostmotion.lab.data.step_start import with_rest_before
+from lostmotion.lab.errors import ExperimentError
 from lostmotion.model.motion import FloatArray
 
 TIME_CONSTANT_S, DAMPING, COULOMB, DEGREE = 0.1, 8.2, 9.2, np.pi / 180
@@ -77,3 +79,18 @@ def test_the_inertia_of_a_motor_that_is_switched_on_at_the_first_row(tmp_path: P
     assert found["J"] == pytest.approx(TIME_CONSTANT_S * DAMPING, rel=0.15)
     assert found["viscous_friction.b_v"] == pytest.approx(DAMPING, rel=0.05)
     assert found["coulomb_friction.tau_c"] == pytest.approx(COULOMB, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("first", "ends", "is_asked"), [(0.0, 0.57, True), (1.2, 0.62, True), (0.0, 0.2, False), (0.6, 0.605, False)]
+)
+def test_a_servo_comes_to_a_goal_that_was_set_before_the_first_row(first: float, ends: float, is_asked: bool) -> None:
+    """A goal that never changes is one step where the servo begins elsewhere and comes to it; else what moves the servo
+    was not recorded."""
+    position = 5e-4 * np.round((ends + (first - ends) * np.exp(-TIME / 0.1)) / 5e-4)
+    held = Recording(TIME, {"position": position, "command": np.full(TIME.size, 0.6)}, name="step.csv")
+    if is_asked:
+        check_goal(held)
+    else:
+        with pytest.raises(ExperimentError, match=r"found the command 0\.6 at all times"):
+            check_goal(held)
