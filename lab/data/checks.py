@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data.series import resolution, seen
 from lostmotion.lab.errors import ExperimentError
 from lostmotion.model.motion import FloatArray
 
@@ -16,8 +15,6 @@ LEAST_SAMPLES = 50
 """Least number of samples of an input or an output."""
 FLAT_SHARE = 1e-9
 """Range of a signal, as a share of its largest magnitude, up to which it is constant."""
-LEAST_STEPS = 10
-"""Steps of the sensor in which a servo comes to a goal, at least."""
 RAILS_SHARE = 0.5
 """Share of the samples at the largest or the smallest value, above which a signal is saturated."""
 COPIED, COPIED_ROWS = 0.9, 3
@@ -30,12 +27,11 @@ which else leave no samples to estimate the noise."""
 
 
 def check_goal(recording: Recording) -> None:
-    """Raises ExperimentError for a goal that never changes, and drives nothing, unless it was set before the first row,
-    as where each run is one step; and for one that is the angle itself some rows ahead, as in some data sets for
-    learning: a servo without delay, friction and weight was found in one."""
+    """Raises ExperimentError for a goal that never changes, and drives nothing; and for one that is the angle itself
+    some rows ahead, as in some data sets for learning: a servo without delay, friction and weight was found in one."""
     goal, position = recording.columns["command"], recording.columns["position"]
     sent = goal[np.isfinite(goal)]
-    if np.ptp(sent) <= FLAT_SHARE * np.abs(sent).max() and not _is_approached(float(sent[0]), seen(position)):
+    if np.ptp(sent) <= FLAT_SHARE * np.abs(sent).max():
         raise ExperimentError(
             f"{recording.name}: found the command {sent[0]:g} at all times, expected a goal that changes: what moves a "
             "servo that holds was not recorded. Record steps or sweeps of its goal, or use the base joint, with what "
@@ -49,13 +45,6 @@ def check_goal(recording: Recording) -> None:
                 f"{recording.name}: found a command that is the position {ahead} row(s) later, expected the goal that "
                 "was sent to the servo: a copy of the angle says nothing about it"
             )
-
-
-def _is_approached(goal: float, position: FloatArray) -> bool:
-    """Whether a servo (N,) comes to a goal from elsewhere: more than half of the way, which is most of its motion.  One
-    that is pulled to and fro is not."""
-    way, left = abs(position[0] - goal), abs(position[-1] - goal)
-    return bool(way > LEAST_STEPS * resolution(position) and 2 * left < way and 1.5 * way > np.ptp(position))
 
 
 def check_output(name: str, column: str, values: FloatArray) -> None:

@@ -185,7 +185,7 @@ def _experiment(model: Model, recording: Recording, of_motor: bool) -> Experimen
         recording = readings.without_lost_readings(recording)
     column = _input(model.base, recording, of_motor)
     recording = readings.without_held_readings(recording, outputs, column)
-    recording = with_rest_before(recording, column) if model.base == "joint" else recording
+    recording = with_rest_before(recording, column) if model.base in ("joint", "servo") else recording
     step = rounding_step(recording.columns[column]) if model.base == "play" and is_sampled(recording, column) else 0.0
     drive = _drive(model.base, recording, column, step)
     if model.base == "oscillator":

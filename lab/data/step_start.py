@@ -3,7 +3,8 @@
 A logger is often started by the program that switches the motor on.  The filter of the band has a transient near the
 ends of a recording, where no sample is compared, so that the acceleration, which is over in a tenth of a second, was
 lost: of a motor with a time constant of 0.1 s that was recorded for a second the inertia was 0.6 % of the true one.
-What was before is known: a shaft that begins to move at a constant input was at rest, and the input off.
+What was before is known: a shaft that begins to move at a constant input was at rest, and the input off.  Of a servo
+that begins elsewhere the limit of its speed was not found, as a goal that never changes is not limited.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from lostmotion.drivers.recording import Recording
-from lostmotion.lab.data.series import resolution
+from lostmotion.lab.data.series import resolution, seen
 from lostmotion.lab.data.stand_ins import is_sampled
+from lostmotion.model.motion import FloatArray
 
 __all__ = ["with_rest_before"]
 
@@ -23,7 +25,7 @@ FIRST = 0.02
 """Share of the way at the constant input by which it is judged whether the motion began at rest, and the least number
 of steps of the sensor."""
 LEAST_STEPS = 10
-LEAST_ROWS = 6
+LEAST_ROWS = 3
 """Rows in which it makes this share of its way."""
 FROM_REST = 0.375
 """Share of that way that is made in half of the time: 1/4 from rest, at a constant acceleration, and 1/2 at a constant
@@ -35,38 +37,58 @@ log = logging.getLogger(__name__)
 
 
 def with_rest_before(recording: Recording, column: str) -> Recording:
-    """The recording with a rest, at which the input is zero, before its first row where the input is constant from
-    there on and the shaft begins to move; column: of the input."""
-    if not all(is_sampled(recording, name) for name in (column, "position")) or not _begins_with_step(
-        recording, column
-    ):
+    """The recording with a rest before its first row, where the input is constant from there on and the part begins to
+    move: a goal was that position, and another input zero.  column: of the input."""
+    if not all(is_sampled(recording, name) for name in (column, "position")):
+        return recording
+    is_goal = column == "command"
+    if not (_is_approached if is_goal else _is_driven)(*_at_constant_input(recording, column)):
         return recording
     step = float(np.median(np.diff(recording.time)))
     count = int(BEFORE * recording.duration / step)
     time = recording.time[0] - step * np.arange(count, 0, -1)
     columns = {name: np.concatenate([np.full(count, np.nan), values]) for name, values in recording.columns.items()}
-    columns[column][:count] = 0.0
-    position = recording.columns["position"]
-    columns["position"][:count] = position[~np.isnan(position)][0]
+    first = float(seen(recording.columns["position"])[0])
+    columns["position"][:count] = first
+    columns[column][:count] = first if is_goal else 0.0
     log.warning(
-        "%s: begins at rest, with a constant %s: it was switched on there, and is taken to have been off before",
-        recording.name, column,
+        "%s: begins at rest, with a constant %s: %s", recording.name, column,
+        "this goal was set there, and is taken to have been the position before" if is_goal
+        else "it was switched on there, and is taken to have been off before",
     )  # fmt: skip
     return replace(recording, time=np.concatenate([time, recording.time]), columns=columns, extra={})
 
 
-def _begins_with_step(recording: Recording, column: str) -> bool:
-    """Whether the input is constant from the first row on, not zero, and the motion begins at rest."""
+def _at_constant_input(recording: Recording, column: str) -> tuple[float, FloatArray, FloatArray]:
+    """The input of the first row, and the times [s] and positions (N,) up to where it changes."""
     driving, position = recording.columns[column], recording.columns["position"]
-    seen = ~np.isnan(driving) & ~np.isnan(position)
-    driving, position, time = driving[seen], position[seen], recording.time[seen]
-    if driving.size < LEAST_ROWS or driving[0] == 0:
+    both = ~np.isnan(driving) & ~np.isnan(position)
+    driving = driving[both]
+    end = np.flatnonzero(np.append(driving != driving[:1], True))[0]
+    return float(np.append(driving, 0.0)[0]), recording.time[both][:end], position[both][:end]
+
+
+def _is_driven(driving: float, time: FloatArray, position: FloatArray) -> bool:
+    """Whether an input moves a part from rest."""
+    return driving != 0 and _begins_at_rest(time, position)
+
+
+def _is_approached(goal: float, time: FloatArray, position: FloatArray) -> bool:
+    """Whether a servo comes from rest to a goal: more than half of the way, which is most of its motion.  One that is
+    pulled to and fro does not."""
+    if not _begins_at_rest(time, position):
         return False
-    changes = np.flatnonzero(driving != driving[0])
-    end = int(changes[0]) if changes.size else driving.size
-    way = np.abs(position[:end] - position[0])
+    way, left = abs(position[0] - goal), abs(position[-1] - goal)
+    return bool(2 * left < way and 1.5 * way > np.ptp(position))
+
+
+def _begins_at_rest(time: FloatArray, position: FloatArray) -> bool:
+    """Whether a part moves (N,), and begins at rest."""
+    if position.size < LEAST_ROWS:
+        return False
+    way = np.abs(position - position[0])
     first = max(FIRST * float(way.max()), LEAST_STEPS * resolution(position))
-    reached = np.flatnonzero(way >= first)
+    reached = np.flatnonzero(way >= first) if first > 0 else np.empty(0, dtype=int)
     if not reached.size or reached[0] < LEAST_ROWS:
         return False
     at = int(reached[0])

@@ -84,13 +84,18 @@ def test_the_inertia_of_a_motor_that_is_switched_on_at_the_first_row(tmp_path: P
 @pytest.mark.parametrize(
     ("first", "ends", "is_asked"), [(0.0, 0.57, True), (1.2, 0.62, True), (0.0, 0.2, False), (0.6, 0.605, False)]
 )
-def test_a_servo_comes_to_a_goal_that_was_set_before_the_first_row(first: float, ends: float, is_asked: bool) -> None:
-    """A goal that never changes is one step where the servo begins elsewhere and comes to it; else what moves the servo
-    was not recorded."""
-    position = 5e-4 * np.round((ends + (first - ends) * np.exp(-TIME / 0.1)) / 5e-4)
-    held = Recording(TIME, {"position": position, "command": np.full(TIME.size, 0.6)}, name="step.csv")
+def test_a_servo_comes_to_a_goal_that_was_set_at_the_first_row(first: float, ends: float, is_asked: bool) -> None:
+    """A goal that never changes is one step where the servo begins elsewhere, at rest, and comes to it; else what moves
+    the servo was not recorded."""
+    decay = np.exp(-TIME / 0.1) * (1 + TIME / 0.1)
+    position = 5e-4 * np.round((ends + (first - ends) * decay) / 5e-4)
+    found = with_rest_before(
+        Recording(TIME, {"position": position, "command": np.full(TIME.size, 0.6)}, name="step.csv"), "command"
+    )
+    assert (found.time.size > TIME.size) is is_asked
     if is_asked:
-        check_goal(held)
+        check_goal(found)
+        assert {*found.columns["command"].tolist()} == {0.6, first}
     else:
         with pytest.raises(ExperimentError, match=r"found the command 0\.6 at all times"):
-            check_goal(held)
+            check_goal(found)
