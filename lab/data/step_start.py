@@ -2,7 +2,8 @@
 
 A logger is often started by the program that switches the motor on.  The filter of the band has a transient near the
 ends of a recording, where no sample is compared, so that the acceleration, which is over in a tenth of a second, was
-lost: of a motor with a time constant of 0.1 s that was recorded for a second the inertia was 0.6 % of the true one.
+lost: of nine published steps of a motor with a time constant of 0.1 s, a second each, the inertia was 0.6 % of the true
+one, and the dry friction twice as large.
 What was before is known: a shaft that begins to move at a constant input was at rest, and the input off.  Of a servo
 that begins elsewhere the limit of its speed was not found, as a goal that never changes is not limited.
 """
