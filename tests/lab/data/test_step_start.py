@@ -99,3 +99,26 @@ def test_a_servo_comes_to_a_goal_that_was_set_at_the_first_row(first: float, end
     else:
         with pytest.raises(ExperimentError, match=r"found the command 0\.6 at all times"):
             check_goal(found)
+
+
+@pytest.mark.slow
+def test_the_limit_of_the_speed_of_a_servo_that_comes_to_constant_goals(tmp_path: Path) -> None:
+    """Its speed is at most 1.5 rad/s; it is integrated here, in steps of 0.2 ms.  Where the goal counted as always
+    there, a lag and friction were named."""
+    rng, names = np.random.default_rng(3), []
+    for goal in (0.6, -0.4, 0.8):
+        aim = place = speed = 0.0
+        rows = ["time,command,position"]
+        for k in range(5000):
+            if k % 100 == 0:
+                rows.append(f"{2e-4 * k:.4f},{goal},{place + 5e-4 * rng.standard_normal():.5f}")
+            aim += float(np.clip(goal - aim, -3e-4, 3e-4))
+            speed += 2e-4 * (900 * (aim - place) - 48 * speed)
+            place += 2e-4 * speed
+        names.append(str(tmp_path / f"goal{goal}.csv"))
+        Path(names[-1]).write_text("\n".join(rows) + "\n")
+    ran = CliRunner().invoke(cli, ["lab", "explain", "servo", *names, "--json"])
+    assert ran.exit_code == 0, ran.output
+    found = json.loads(ran.stdout)
+    assert "velocity_limit" in found["missing"]
+    assert found["parameters"]["velocity_limit.omega_max"][0] == pytest.approx(1.5, rel=0.03)
