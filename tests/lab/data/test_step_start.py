@@ -101,12 +101,11 @@ def test_a_servo_comes_to_a_goal_that_was_set_at_the_first_row(first: float, end
             check_goal(found)
 
 
-@pytest.mark.slow
 def test_the_limit_of_the_speed_of_a_servo_that_comes_to_constant_goals(tmp_path: Path) -> None:
     """Its speed is at most 1.5 rad/s; it is integrated here, in steps of 0.2 ms.  Where the goal counted as always
-    there, a lag and friction were named."""
+    there, it was no limit, and a lag and friction were named."""
     rng, names = np.random.default_rng(3), []
-    for goal in (0.6, -0.4, 0.8):
+    for goal in (0.6, -0.55, 0.4, 0.8):
         aim = place = speed = 0.0
         rows = ["time,command,position"]
         for k in range(5000):
@@ -117,8 +116,9 @@ def test_the_limit_of_the_speed_of_a_servo_that_comes_to_constant_goals(tmp_path
             place += 2e-4 * speed
         names.append(str(tmp_path / f"goal{goal}.csv"))
         Path(names[-1]).write_text("\n".join(rows) + "\n")
-    ran = CliRunner().invoke(cli, ["lab", "explain", "servo", *names, "--json"])
+    (tmp_path / "m.toml").write_text('base = "servo"\neffects = ["velocity_limit"]\n')
+    model, fitted = str(tmp_path / "m.toml"), str(tmp_path / "fitted.toml")
+    ran = CliRunner().invoke(cli, ["lab", "fit", model, *names, "-o", fitted, "--json"])
     assert ran.exit_code == 0, ran.output
-    found = json.loads(ran.stdout)
-    assert "velocity_limit" in found["missing"]
-    assert found["parameters"]["velocity_limit.omega_max"][0] == pytest.approx(1.5, rel=0.03)
+    found = json.loads(ran.stdout)["parameters"]
+    assert found["velocity_limit.omega_max"][0] == pytest.approx(1.5, rel=0.03)
