@@ -1,6 +1,6 @@
 """Which physical effect is missing: the search, its validation on unseen data, and the significance of the result.
 
-1.  The last recording is kept for judging (the last third of a single one's motion); no parameter is fitted to it.
+1.  The last recording is kept for judging (a third of a single one's motion); no parameter is fitted to it.
 2.  The input of the motion determines which error is compared (``Method``).  A controller's torque follows every
    disturbance: the torque that the measured motion needs is compared with the measured one (inverse model).  A command
    or a force follows none, nor does a free motion: the whole motion is simulated (output error).  Gears with play are
@@ -30,6 +30,7 @@ from concurrent.futures import Executor
 from lostmotion.lab import policy
 from lostmotion.lab.data.experiment import Experiment, with_one_column
 from lostmotion.lab.data.noise import noise_of
+from lostmotion.lab.data.series import is_onward
 from lostmotion.lab.deadline import Progress
 from lostmotion.lab.gears.explain import explained_gears
 from lostmotion.lab.inverse.explain import explained
@@ -86,9 +87,19 @@ def _distinct(experiments: Sequence[Experiment]) -> list[Experiment]:
 
 def _split(experiments: Sequence[Experiment], is_smooth: bool) -> tuple[list[Experiment], Experiment]:
     """The experiments to fit and the one for validation.  is_smooth: the part moves smoothly, so a single recording is
-    divided by motion instead of time."""
+    divided by motion instead of time.  What is fitted has both directions if the recording has, as one of them does not
+    distinguish friction from a constant: then the first third is for validation."""
     if len(experiments) > 1:
         return list(experiments[:-1]), experiments[-1]
     (only,) = experiments
-    cut = Signals.of(only).until_moved(2 / 3) if is_smooth else float(only.time[0] + 2 * only.duration / 3)
-    return [only.between(only.time[0], cut)], only.between(cut, only.time[-1] + 1.0)
+    first, end = float(only.time[0]), float(only.time[-1]) + 1.0
+    if not is_smooth:
+        cut = first + 2 * only.duration / 3
+        return [only.between(first, cut)], only.between(cut, end)
+    signals = Signals.of(only)
+    cut = signals.until_moved(2 / 3)
+    fitted, last = only.between(first, cut), only.between(cut, end)
+    if only.is_driven and is_onward(fitted.measured[signals.column]) and not is_onward(only.measured[signals.column]):
+        cut = signals.until_moved(1 / 3)
+        fitted, last = only.between(cut, end), only.between(first, cut)
+    return [fitted], last

@@ -78,3 +78,22 @@ def test_a_constant_torque_is_told() -> None:
     (said,) = (one for one in of_explanation(explanation) if "constant torque" in one)
     assert said.startswith("A constant torque of 0.30")
     assert said.endswith(" (95 %), acts as well, or is the zero of what was recorded.")
+
+
+def test_an_arm_that_turns_back_at_the_end_of_its_only_recording() -> None:
+    """Its last third moves the other way, in which what was a constant torque in the others is dry friction of the
+    opposite sign: neither the friction nor the weight was named, and of such an arm a ripple.  The first third is for
+    validation."""
+    rng, times = np.random.default_rng(8), np.arange(0.0, 5.0, 0.01)
+    speed = np.where(times < 3.3, 0.87, -1.05) * np.clip(np.abs(times - 3.3) / 0.1, 0, 1) * (1 - np.exp(-times / 0.05))
+    speed += 0.03 * np.sin(9 * times)
+    angle = np.cumsum(speed) * 0.01
+    torque = 2.0 * np.gradient(speed, times) + 14.0 * np.tanh(speed / 0.02) + 39.0 * np.sin(angle)
+    columns = {"position": angle, "torque": torque + 2.0 * rng.standard_normal(times.size)}
+    held = experiments(build_model("joint"), [Recording(times, columns, name="arm.csv")])
+    with open_executor() as pool:
+        explanation = explain(build_model("joint"), held, pool)
+    assert set(explanation.missing) == {"coulomb_friction", "gravity_torque"}
+    sizes = {one.name: one.value for one in explanation.best.estimates}
+    assert sizes["coulomb_friction.tau_c"] == pytest.approx(14.0, rel=0.1)
+    assert sizes["gravity_torque.tau_g"] == pytest.approx(39.0, rel=0.1)
