@@ -1,11 +1,12 @@
-"""MCAP and bags of ROS 1 and 2 as series: which topics have numbers, and those of the chosen ones over time."""
+"""MCAP, bags of ROS 1 and 2, and data logs of WPILib as series: which topics have numbers, and those of the chosen ones
+over time."""
 
 from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.logs import Log, McapLog, RosbagLog
+from lostmotion.drivers.formats.logs import Channel, Log, McapLog, RosbagLog
 from lostmotion.drivers.formats.messages import BEFORE, Decoder, UnreadableError, decoder_of
 from lostmotion.drivers.formats.source import (
     MOST_SERIES,
@@ -27,8 +28,9 @@ from lostmotion.drivers.formats.source import (
     too_many,
 )
 from lostmotion.drivers.formats.table import EPOCH_S
+from lostmotion.drivers.formats.wpilog import ENCODING, WpilibLog
 
-__all__ = ["open_mcap", "open_rosbag", "open_rosbag1"]
+__all__ = ["Bag", "open_mcap", "open_rosbag", "open_rosbag1", "open_wpilog"]
 
 LOOKED_AT = 50
 """messages of a topic, to learn its names"""
@@ -53,11 +55,13 @@ class _Topic:
 
 
 class Bag:
-    """A ``Source``."""
+    """A ``Source``.  open_episode: reads one of its ``runs``, by its number from 0; None where it holds one."""
 
     def __init__(self, path: Path, log: Log) -> None:
         self.kind = log.kind
-        self._name = str(path)
+        self.name = str(path)
+        self.runs = 1
+        self.open_episode: Callable[[int], Bag] | None = None
         self._log = log
         self._decoders: dict[str, Decoder] = {}
         self._broken = 0
@@ -69,8 +73,10 @@ class Bag:
             else:
                 self._decoders[channel.topic] = decoder
         self._unknown = unknown
-        kinds = {channel.topic: channel.kind for channel in log.channels}
-        self.series = self._look(sorted(self._decoders, key=lambda topic: _rank(kinds[topic])), kinds)
+        known = {channel.topic: channel for channel in log.channels}
+        self._places: dict[str, tuple[str, str]] = {}
+        """The topic and the field of each series."""
+        self.series = self._look(sorted(self._decoders, key=lambda topic: _rank(known[topic].kind)), known)
         if not self.series and unknown:
             raise RecordingError(
                 f"{path}: found {shown(', '.join(unknown))}, expected messages of ROS or JSON with numbers"
@@ -88,7 +94,7 @@ class Bag:
         topics = self._gather(names)
         term = choice.terms.get("time")
         if term and term.name not in ("log", "header"):
-            raise RecordingError(f"{self._name}: found time={term.name}, expected log (receipt) or header")
+            raise RecordingError(f"{self.name}: found time={term.name}, expected log (receipt) or header")
         clock, notes, stamps = _clock(topics, term.name if term else "")
         first = min((int(each[each != 0].min()) for each in stamps.values() if each.any()), default=0)
         values: dict[str, tuple[FloatArray, FloatArray]] = {}
@@ -103,7 +109,7 @@ class Bag:
         broken = [note for note in self.notes if "could not be read" in note]
         return Samples(values, clock, start, [*notes, *broken], self._log.metadata)
 
-    def _look(self, topics: Sequence[str], kinds: dict[str, str]) -> list[Series]:
+    def _look(self, topics: Sequence[str], channels: dict[str, Channel]) -> list[Series]:
         """The series of each topic, from its first messages."""
         found: dict[str, dict[str, bool]] = {topic: {} for topic in topics}
         seen = dict.fromkeys(topics, 0)
@@ -121,19 +127,16 @@ class Bag:
                     break
         count = sum(map(len, found.values()))
         if count > MOST_SERIES:
-            raise too_many(self._name, count, "series")
+            raise too_many(self.name, count, "series")
         self._broken = 0
-        return [
-            Series(f"{topic}.{field}", _unit(field) if kinds[topic] in BEFORE else "")
-            for topic in topics
-            for field in _measured(found[topic])
-        ]
+        self._places = {_joined(topic, field): (topic, field) for topic in topics for field in _measured(found[topic])}
+        return [Series(name, _unit(field, channels[topic])) for name, (topic, field) in self._places.items()]
 
     def _gather(self, names: Sequence[str]) -> dict[str, _Topic]:
         wanted: dict[str, dict[str, str]] = {}
         for name in names:
-            topic = max((each for each in self._decoders if name.startswith(f"{each}.")), key=len)
-            wanted.setdefault(topic, {})[name.removeprefix(f"{topic}.")] = name
+            topic, place = self._places[name]
+            wanted.setdefault(topic, {})[place] = name
         topics = {topic: _Topic(values={name: array("d") for name in of.values()}) for topic, of in wanted.items()}
         count = 0
         for topic, received, data in self._log.messages(list(wanted)):
@@ -151,7 +154,7 @@ class Bag:
                 into.values[name].append(values.get(field_name, math.nan))
             count += 2 + len(wanted[topic])
             if count > MOST_VALUES:
-                check_count(self._name, count)
+                check_count(self.name, count)
         return topics
 
     def _decoded(self, topic: str, data: bytes) -> tuple[int | None, dict[str, float]] | None:
@@ -175,6 +178,18 @@ def open_rosbag(path: Path) -> Bag:
 def open_rosbag1(path: Path) -> Bag:
     """Raises RecordingError."""
     return Bag(path, RosbagLog(path, is_ros1=True))
+
+
+def open_wpilog(path: Path) -> Bag:
+    """A data log; where SysId tested a mechanism each test is a run.  Raises RecordingError."""
+    log = WpilibLog.of(path)
+    bag = Bag(path, log)
+    if log.tests:
+        bag.runs = len(log.tests)
+        bag.open_episode = lambda at: Bag(path, replace(log, part=log.tests[at][1:]))
+        names = ", ".join(name for name, _, _ in log.tests)
+        log.notes.append(f"{names} are the runs 0 to {bag.runs - 1}, as in FILE#episode=0")
+    return bag
 
 
 def _measured(fields: dict[str, bool]) -> list[str]:
@@ -220,6 +235,15 @@ def _rank(kind: str) -> int:
     return BEFORE.index(kind) if kind in BEFORE else len(BEFORE)
 
 
-def _unit(field_name: str) -> str:
+def _joined(topic: str, field: str) -> str:
+    """The name of a series."""
+    return f"{topic}.{field}" if field and not field.startswith("[") else topic + field
+
+
+def _unit(field_name: str, channel: Channel) -> str:
+    if channel.encoding == ENCODING:
+        return channel.definition
+    if channel.kind not in BEFORE:
+        return ""
     words = field_name.partition("[")[0].split(".")
     return next((UNITS[word] for word in words if word in UNITS), "")

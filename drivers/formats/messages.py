@@ -22,6 +22,7 @@ from lostmotion.drivers.codec.ros2_messages import (
     JointStates,
     imu_acceleration,
 )
+from lostmotion.drivers.formats.wpilog import ENCODING, decoder_of_entry
 from lostmotion.drivers.packages import is_there
 
 __all__ = ["BEFORE", "Decoded", "Decoder", "UnreadableError", "decoder_of", "flat"]
@@ -48,11 +49,30 @@ def decoder_of(kind: str, encoding: str, definition: str) -> Decoder | None:
     """What decodes messages of a type, None where nothing does.  definition: text of ros2msg or ros1msg, or empty."""
     if encoding == "json":
         return _json
+    if encoding == ENCODING:
+        return _entry(kind)
     if encoding == "cdr" and kind in DECODERS:
         return _joints(DECODERS[kind], kind == CONTROLLER_STATE)
     if encoding == "cdr" and kind == IMU:
         return _imu
     return _by_rosbags(kind, definition, encoding == "ros1") if encoding in ("cdr", "ros1") else None
+
+
+def _entry(kind: str) -> Decoder | None:
+    """Of a data log of WPILib."""
+    decode = decoder_of_entry(kind)
+    if decode is None:
+        return None
+
+    def decoder(data: bytes) -> Decoded:
+        if len(data) > MOST_ENTRIES * 8:
+            return None, {}
+        try:
+            return None, decode(data)
+        except (ValueError, IndexError) as error:
+            raise UnreadableError(f"no {kind}: {error}") from error
+
+    return decoder
 
 
 def _joints(decode: Callable[[bytes], JointStates], is_controller: bool) -> Decoder:

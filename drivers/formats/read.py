@@ -13,6 +13,7 @@ from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.codec.recording_csv import LARGEST
 from lostmotion.drivers.errors import RecordingError
 from lostmotion.drivers.formats.angles import ASSUMED, check_servo, check_swing, doubts, in_degrees
+from lostmotion.drivers.formats.bag import Bag
 from lostmotion.drivers.formats.commands import held, undriven, unnamed, unused
 from lostmotion.drivers.formats.consistency import BY_SPEED, by_speed, goal_beside, speeds_of
 from lostmotion.drivers.formats.differences import with_differences
@@ -37,7 +38,7 @@ from lostmotion.drivers.formats.motion import (
     without_still,
 )
 from lostmotion.drivers.formats.registry import Opener, open_source
-from lostmotion.drivers.formats.runs import of_one_run
+from lostmotion.drivers.formats.runs import of_one_run, of_one_test
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
 from lostmotion.drivers.formats.swinging import drift_of
 from lostmotion.drivers.formats.table import Table
@@ -76,6 +77,8 @@ def imported(path: Path, choice: Choice, opened: Opener = open_source) -> Import
     if isinstance(source, Table):
         source = with_differences(of_one_run(source, choice), choice)
         source, still = without_still(with_angle(source, choice), choice)
+    elif isinstance(source, Bag):
+        source = of_one_test(source, choice)
     guess, samples, clock = _guessed(source, choice, path)
     if isinstance(source, Table) and (constant := _constant(guess, samples)):
         source = without_constant(source, choice, constant)

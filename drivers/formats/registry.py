@@ -17,8 +17,8 @@ from lostmotion.drivers.units import COLUMN_UNITS
 __all__ = ["FORMATS", "Format", "Opener", "is_foreign", "open_source"]
 
 EXPECTED = (
-    "lostmotion's CSV, PlotJuggler's or other text, a workbook, MAT, NumPy, JSON, HDF5, Parquet, MCAP, a bag of ROS "
-    "or a LeRobot dataset"
+    "lostmotion's CSV, PlotJuggler's or other text, a workbook, MAT, NumPy, JSON, HDF5, Parquet, MCAP, a bag of ROS, "
+    "a data log of WPILib or a LeRobot dataset"
 )
 BOM = b"\xef\xbb\xbf"
 """with which some programs begin a text in UTF-8"""
@@ -50,6 +50,7 @@ FORMATS = (
     Format("MCAP", b"\x89MCAP0\r\n", "bag:open_mcap"),
     Format("rosbag2", b"SQLite format 3\x00", "bag:open_rosbag"),
     Format("ROS 1 bag", b"#ROSBAG", "bag:open_rosbag1"),
+    Format("WPILib data log", b"WPILOG", "bag:open_wpilog"),
     Format("workbook, ZIP or NumPy archive", b"PK\x03\x04", "workbook:open_zip"),
     Format("workbook of Excel 97", b"\xd0\xcf\x11\xe0", "workbook:open_workbook"),
     Format("NumPy array", b"\x93NUMPY", "arrays:open_numpy"),

@@ -9,12 +9,13 @@ from functools import partial
 import numpy as np
 
 from lostmotion.drivers.errors import RecordingError
+from lostmotion.drivers.formats.bag import Bag
 from lostmotion.drivers.formats.source import Choice, Series, Source, shown
 from lostmotion.drivers.formats.swinging import power
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_run, is_time, joint_of
 
-__all__ = ["STILL", "of_one_run", "runs_in"]
+__all__ = ["STILL", "of_one_run", "of_one_test", "runs_in"]
 
 STILL = 0.02
 """of the motion of another run: what is left of one whose pendulum hangs still.  0.005 of a published one; 0.064 of a
@@ -23,9 +24,26 @@ disk that is driven far below its resonance, beside one at it."""
 
 def runs_in(source: Source, choice: Choice) -> int:
     """How many runs a file holds, of which none was chosen: each may be a recording of its own."""
-    if not isinstance(source, Table) or choice.episode is not None or _of_joint(_side_by_side(source, choice), choice):
+    if choice.episode is not None:
         return 1
-    return len(_all(source, choice)) or 1
+    if not isinstance(source, Table):
+        return source.runs if isinstance(source, Bag) else 1
+    return 1 if _of_joint(_side_by_side(source, choice), choice) else len(_all(source, choice)) or 1
+
+
+def of_one_test(bag: Bag, choice: Choice) -> Bag:
+    """The part of the run with the number that was chosen; without one the whole.  Raises RecordingError."""
+    if choice.episode is None:
+        return bag
+    if not 0 <= choice.episode < bag.runs:
+        raise _beyond(bag.name, choice.episode, bag.runs if bag.open_episode else 0)
+    return bag.open_episode(choice.episode) if bag.open_episode else bag
+
+
+def _beyond(name: str, episode: int, count: int) -> RecordingError:
+    """The error for a run that a file does not have."""
+    said = f"0 to {count - 1}" if count else "0, as the file holds one run"
+    return RecordingError(f"{name}: found episode={episode}, expected {said}")
 
 
 def of_one_run(table: Table, choice: Choice) -> Table:
@@ -35,8 +53,7 @@ def of_one_run(table: Table, choice: Choice) -> Table:
     if choice.episode is not None:
         runs = _all(table, choice)
         if not 0 <= choice.episode < max(len(runs), 1):
-            said = f"0 to {len(runs) - 1}" if runs else "0, as the file holds one run"
-            raise RecordingError(f"{table.name}: found episode={choice.episode}, expected {said}")
+            raise _beyond(table.name, choice.episode, len(runs))
         return runs[choice.episode]() if runs else table
     if not (beside := _side_by_side(table, choice)):
         return table

@@ -45,7 +45,7 @@ def with_rest_before(recording: Recording, column: str) -> Recording:
     is_goal = column == "command"
     if not (_is_approached if is_goal else _is_driven)(*_at_constant_input(recording, column)):
         return recording
-    step = float(np.median(np.diff(recording.time)))
+    step = float(np.median(np.diff(recording.time[~np.isnan(recording.columns["position"])])))
     count = int(BEFORE * recording.duration / step)
     time = recording.time[0] - step * np.arange(count, 0, -1)
     columns = {name: np.concatenate([np.full(count, np.nan), values]) for name, values in recording.columns.items()}
@@ -61,12 +61,12 @@ def with_rest_before(recording: Recording, column: str) -> Recording:
 
 
 def _at_constant_input(recording: Recording, column: str) -> tuple[float, FloatArray, FloatArray]:
-    """The input of the first row, and the times [s] and positions (N,) up to where it changes."""
+    """The first input, and the times [s] and positions (N,) up to where it changes; both need not be in one row."""
     driving, position = recording.columns[column], recording.columns["position"]
-    both = ~np.isnan(driving) & ~np.isnan(position)
-    driving = driving[both]
-    end = np.flatnonzero(np.append(driving != driving[:1], True))[0]
-    return float(np.append(driving, 0.0)[0]), recording.time[both][:end], position[both][:end]
+    known, read = ~np.isnan(driving), ~np.isnan(position)
+    changed = recording.time[known][driving[known] != driving[known][0]]
+    read &= recording.time <= np.append(changed, np.inf)[0]
+    return float(driving[known][0]), recording.time[read], position[read]
 
 
 def _is_driven(driving: float, time: FloatArray, position: FloatArray) -> bool:
