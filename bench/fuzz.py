@@ -31,6 +31,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 from rosbags.rosbag2 import StoragePlugin
 from tests.drivers import bags
+from tests.drivers.wpilogs import of_sysid
 
 from lostmotion.daemon import config
 from lostmotion.daemon.robot import Robot
@@ -349,6 +350,7 @@ def kinds() -> tuple[Kind, ...]:
         Kind("Parquet", (parquet,), _of_file(_recording, ".parquet")),
         Kind("MCAP", (mcap,), _of_file(_recording, ".mcap")),
         Kind("rosbag2", (bag,), _of_file(_bag, ".db3")),
+        Kind("WPILib data logs", (of_sysid()[0].data[:4000],), _of_file(_recording, ".wpilog")),
         Kind("configurations", configs, _of_file(_config, ".toml")),
         Kind("models", _files("examples/models/*.toml"), _of_file(modelfile.load, ".toml")),
     )

@@ -36,7 +36,7 @@ def test_a_few_of_each_kind(capsys: pytest.CaptureFixture[str]) -> None:
     told = capsys.readouterr()
     rows = [line.rsplit(maxsplit=4) for line in told.out.splitlines()[1:]]
     assert [row[0] for row in rows] == [kind.name for kind in fuzz.KINDS]
-    assert len(rows) == 12
+    assert len(rows) == 13
     for name, inputs, rejected, _, bad in rows:
         assert (inputs, bad) == ("300", "0")
         assert (100 if name == "MCAP" else 200) < int(rejected) < 300
