@@ -7,7 +7,6 @@ cannot be used are rejected, with one line on what was found and what the base n
 from __future__ import annotations
 
 import logging
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -231,14 +230,10 @@ def _outputs(recording: Recording, base: str) -> list[str]:
 
 
 def _advice(recording: Recording, base: str) -> str:
-    """What to type for a motion of which there is no column: what the reader says of a series that may be it; a voltage
-    beside an oscillator is that of its sensor."""
-    imported = imported_columns(recording)
-    if base == "joint" and (said := imported.get("left_motion")):
+    """What to type for a motion of which there is no column: what the reader says of a series that may be it."""
+    if base == "joint" and (said := imported_columns(recording).get("left_motion")):
         return str(said)
-    voltage = imported.get("voltage") if base == "oscillator" else None
-    assigned = f"{OUTPUTS[base][0 if voltage else -1]}={voltage or 'SERIES'}"
-    return f"choose its series with --map {shlex.quote(assigned)}"
+    return f"choose its series with --map {OUTPUTS[base][-1]}=SERIES"
 
 
 def _drive_unit(base: str, recording: Recording, column: str) -> str:

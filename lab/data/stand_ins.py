@@ -35,6 +35,8 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
 
     outputs: the columns that are compared."""
     recording = _without_second_derivative(recording) if base == "oscillator" else recording
+    if base == "oscillator" and [name for name in recording.columns if is_sampled(recording, name)] == ["voltage"]:
+        return _of_sensor(recording)
     pairs = ELSE.get(base, {})
     found = [name for name, other in pairs.items() if is_sampled(recording, other) and not is_sampled(recording, name)]
     if any(is_sampled(recording, name) for name in outputs):
@@ -58,6 +60,14 @@ def with_stand_ins(recording: Recording, base: str, outputs: Sequence[str]) -> R
     columns = {**recording.columns, **{name: recording.columns[pairs[name]] for name in found}}
     units = {f"{name}_unit": recording.unit(pairs[name]) for name in found if base == "joint"}
     return replace(recording, columns=columns, metadata={**recording.metadata, **units})
+
+
+def _of_sensor(recording: Recording) -> Recording:
+    """The recording with a voltage, which is all that there is, as the displacement: that of a sensor, as what drives a
+    mass is of no use without its motion."""
+    log.warning("%s: found nothing but a voltage; it is taken for that of a sensor of the displacement", recording.name)
+    columns = {"displacement": recording.columns["voltage"]}
+    return replace(recording, columns=columns, metadata={**recording.metadata, "displacement_unit": "V"})
 
 
 def _without_second_derivative(recording: Recording) -> Recording:

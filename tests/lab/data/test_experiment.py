@@ -433,7 +433,8 @@ def test_a_servo_that_is_let_go(base: str, first: int, last: int, caplog: pytest
 def test_the_voltage_of_a_sensor_is_the_motion_of_an_oscillator(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A voltage drives no oscillator: the refusal suggests its series as the displacement, and the unit is told."""
+    """Where it is all that there is; the unit is told.  Beside another column it may drive
+    something."""
     time = np.arange(400) / 50
     path = tmp_path / "seismometer.txt"
     volts = np.exp(-0.2 * time) * np.sin(5 * time)
@@ -441,11 +442,15 @@ def test_the_voltage_of_a_sensor_is_the_motion_of_an_oscillator(
         "Time ( s )\tVoltage ( V )\n" + "".join(f"{t}\t{v:.5f}\n" for t, v in zip(time, volts, strict=True))
     )
     model = build_model("oscillator")
-    with pytest.raises(ExperimentError, match=r"--map 'displacement=Voltage \( V \)'"):
-        experiments(model, [read_recording(path)])
-    (one,) = experiments(model, [read_recording(path, terms=["displacement=Voltage ( V )"])])
-    assert one.measured["displacement"] == pytest.approx(volts, abs=1e-5)
-    assert "the displacement is in V, so that m stands for V" in caplog.text
+    for terms in ([], ["displacement=Voltage ( V )"]):
+        caplog.clear()
+        (one,) = experiments(model, [read_recording(path, terms=terms)])
+        assert one.measured["displacement"] == pytest.approx(volts, abs=1e-5)
+        assert "the displacement is in V, so that m stands for V" in caplog.text
+        assert ("nothing but a voltage" in caplog.text) is (not terms)
+    both = Recording(time, {"voltage": volts, "current": volts}, name="both.csv")
+    with pytest.raises(ExperimentError, match=r"found voltage, current, expected at least one of displacement, accel"):
+        experiments(model, [both])
 
 
 def test_a_refusal_repeats_what_the_reader_says_of_a_speed(tmp_path: Path) -> None:
