@@ -96,6 +96,7 @@ class Bag:
         if term and term.name not in ("log", "header"):
             raise RecordingError(f"{self.name}: found time={term.name}, expected log (receipt) or header")
         clock, notes, stamps = _clock(topics, term.name if term else "")
+        clock = "the times of the log" if isinstance(self._log, WpilibLog) else clock
         first = min((int(each[each != 0].min()) for each in stamps.values() if each.any()), default=0)
         values: dict[str, tuple[FloatArray, FloatArray]] = {}
         for topic_name, topic in topics.items():
