@@ -28,6 +28,7 @@ NUMERICS = {
     "data/rounded_input.py": (7, "a penalised spline, each number with its measured error; what is a step"),
     "data/readings.py": (13, "what is a reading that is repeated or lost, a jump of a counter or a turn, a second"),
     "data/series.py": (2, "what is one direction"),
+    "data/step_start.py": (5, "what is a start from rest"),
     "data/supply.py": (4, "which of two things a voltage is; the margins are measured"),
     "data/whiteness.py": (3, "lags, rank of a matrix, length of a block"),
     "data/stand_ins.py": (3, "what is the second derivative of other readings"),
