@@ -71,14 +71,8 @@ class Imported:
 
 def imported(path: Path, choice: Choice, opened: Opener = open_source) -> Imported:
     """Reads a file of any known format.  Raises RecordingError, one line."""
-    source = opened(path)
+    source, still = _chosen(opened(path), choice)
     name = str(path) if choice.episode is None else f"{path}#episode={choice.episode}"
-    still: Sequence[str] = ()
-    if isinstance(source, Table):
-        source = with_differences(of_one_run(source, choice), choice)
-        source, still = without_still(with_angle(source, choice), choice)
-    elif isinstance(source, Bag):
-        source = of_one_test(source, choice)
     guess, samples, clock = _guessed(source, choice, path)
     if isinstance(source, Table) and (constant := _constant(guess, samples)):
         source = without_constant(source, choice, constant)
@@ -110,6 +104,16 @@ def imported(path: Path, choice: Choice, opened: Opener = open_source) -> Import
         raise RecordingError(f"{name}: found rows over {time[-1]:.3g} s, expected at most {LARGEST:g}")
     recording = Recording(time, columns, metadata, name=name)
     return Imported(recording, source.kind, samples.clock, kept, [*notes, *told])
+
+
+def _chosen(source: Source, choice: Choice) -> tuple[Source, Sequence[str]]:
+    """The run that was chosen, with what follows from other series of a table, and what was left out of it.  Raises
+    RecordingError."""
+    if isinstance(source, Bag):
+        return of_one_test(source, choice), ()
+    if not isinstance(source, Table):
+        return source, ()
+    return without_still(with_angle(with_differences(of_one_run(source, choice), choice), choice), choice)
 
 
 def _guessed(source: Source, choice: Choice, path: Path) -> tuple[Guess, Samples, str]:
