@@ -46,7 +46,9 @@ def with_rest_before(recording: Recording, column: str) -> Recording:
     if not (_is_approached if is_goal else _is_driven)(*_at_constant_input(recording, column)):
         return recording
     step = float(np.median(np.diff(recording.time[~np.isnan(recording.columns["position"])])))
-    count = int(BEFORE * recording.duration / step)
+    if not step > 0:  # most times repeat the one before
+        return recording
+    count = min(int(BEFORE * recording.duration / step), recording.time.size)  # rows may come in bursts
     time = recording.time[0] - step * np.arange(count, 0, -1)
     columns = {name: np.concatenate([np.full(count, np.nan), values]) for name, values in recording.columns.items()}
     first = float(seen(recording.columns["position"])[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,14 @@ def test_the_input_was_switched_on_where_a_motion_begins_at_rest(
     assert np.all(found.columns["torque"][:count] == 0)
     assert np.all(found.columns["position"][:count] == position[0])
     assert np.allclose(np.diff(found.time), 0.006)
+
+
+@pytest.mark.parametrize(("spacing", "count"), [([0.0, 0.0, 0.3], 0), ([1e-6, 1e-6, 1.0], TIME.size)])
+def test_rows_in_bursts(spacing: list[float], count: int) -> None:
+    """Times that repeat tell no start; a rest has no more rows than the recording."""
+    time = np.cumsum(np.resize(spacing, TIME.size))
+    found = with_rest_before(replace(recorded(started(60.0), CONSTANT), time=time), "torque")
+    assert found.time.size - TIME.size == count
 
 
 def test_the_inertia_of_a_motor_that_is_switched_on_at_the_first_row(tmp_path: Path) -> None:
