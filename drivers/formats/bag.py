@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lostmotion.drivers.base import FloatArray
 from lostmotion.drivers.errors import RecordingError
-from lostmotion.drivers.formats.logs import Channel, Log, McapLog, RosbagLog
+from lostmotion.drivers.formats.logs import RECEIPT, Channel, Log, McapLog, RosbagLog
 from lostmotion.drivers.formats.messages import BEFORE, Decoder, UnreadableError, decoder_of
 from lostmotion.drivers.formats.source import (
     MOST_SERIES,
@@ -28,7 +28,7 @@ from lostmotion.drivers.formats.source import (
     too_many,
 )
 from lostmotion.drivers.formats.table import EPOCH_S
-from lostmotion.drivers.formats.wpilog import ENCODING, WpilibLog
+from lostmotion.drivers.formats.wpilog import WpilibLog
 
 __all__ = ["Bag", "open_mcap", "open_rosbag", "open_rosbag1", "open_wpilog"]
 
@@ -38,7 +38,7 @@ LATEST_NS = 4_000_000_000_000_000_000
 """in 2096: a stamp beyond is damage"""
 MOST_APART_NS = 1_000_000_000
 """between the clocks of stamps: further apart they are not one clock"""
-STAMPS, RECEIPT = "stamps of the headers", "when messages were received"
+STAMPS = "stamps of the headers"
 UNITS = {
     "position": "rad", "positions": "rad", "effort": "N m", "efforts": "N m", "linear_acceleration": "m/s^2"
 }  # fmt: skip
@@ -96,7 +96,7 @@ class Bag:
         if term and term.name not in ("log", "header"):
             raise RecordingError(f"{self.name}: found time={term.name}, expected log (receipt) or header")
         clock, notes, stamps = _clock(topics, term.name if term else "")
-        clock = "the times of the log" if isinstance(self._log, WpilibLog) else clock
+        clock = self._log.clock if clock == RECEIPT else clock
         first = min((int(each[each != 0].min()) for each in stamps.values() if each.any()), default=0)
         values: dict[str, tuple[FloatArray, FloatArray]] = {}
         for topic_name, topic in topics.items():
@@ -242,9 +242,7 @@ def _joined(topic: str, field: str) -> str:
 
 
 def _unit(field_name: str, channel: Channel) -> str:
-    if channel.encoding == ENCODING:
-        return channel.definition
-    if channel.kind not in BEFORE:
-        return ""
+    if channel.unit or channel.kind not in BEFORE:
+        return channel.unit
     words = field_name.partition("[")[0].split(".")
     return next((UNITS[word] for word in words if word in UNITS), "")

@@ -15,10 +15,11 @@ from lostmotion.drivers.formats.needed import needed
 from lostmotion.drivers.formats.source import MOST_SERIES, reason, shown, too_many
 from lostmotion.drivers.toml_text import TomlError, loads
 
-__all__ = ["OWN", "Channel", "Log", "McapLog", "RosbagLog"]
+__all__ = ["OWN", "RECEIPT", "Channel", "Log", "McapLog", "RosbagLog"]
 
 OWN = "lostmotion"
 """the name of the metadata that ``lostmotion export`` writes"""
+RECEIPT = "when messages were received"
 MOST_BYTES = 1 << 29
 """of a record that is loaded at once; chunks have some 1e6"""
 RECORD, MESSAGE = Struct("<BQ"), Struct("<HIQQ")
@@ -31,19 +32,21 @@ Message = tuple[str, int, bytes]
 @dataclass(frozen=True, slots=True)
 class Channel:
     """A topic.  kind: type of its messages; definition: the text that describes them, "" for none; count: of messages,
-    where it is known."""
+    where it is known; unit: of its numbers, "" where the log does not say it."""
 
     topic: str
     kind: str
     encoding: str
     definition: str
     count: int | None = None
+    unit: str = ""
 
 
 class Log(Protocol):
-    """An open file."""
+    """An open file.  clock: what the times of its messages are."""
 
     kind: str
+    clock: str
     channels: list[Channel]
     notes: list[str]
     metadata: dict[str, Any]
@@ -60,7 +63,7 @@ class McapLog:
     """
 
     def __init__(self, path: Path) -> None:
-        self.kind = "MCAP"
+        self.kind, self.clock = "MCAP", RECEIPT
         self.notes: list[str] = []
         self.metadata: dict[str, Any] = {}
         self._path = path
@@ -160,7 +163,7 @@ class RosbagLog:
     """A folder with metadata.yaml, or a single ``.db3``; a ``.bag`` of ROS 1 (is_ros1)."""
 
     def __init__(self, path: Path, is_ros1: bool = False) -> None:
-        self.kind = "ROS 1 bag" if is_ros1 else "rosbag2"
+        self.kind, self.clock = "ROS 1 bag" if is_ros1 else "rosbag2", RECEIPT
         self.notes: list[str] = []
         self.metadata: dict[str, Any] = {}
         self._path = path

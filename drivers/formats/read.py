@@ -38,7 +38,7 @@ from lostmotion.drivers.formats.motion import (
     without_still,
 )
 from lostmotion.drivers.formats.registry import Opener, open_source
-from lostmotion.drivers.formats.runs import of_one_run, of_one_test
+from lostmotion.drivers.formats.runs import of_its_number, of_one_run
 from lostmotion.drivers.formats.source import Choice, Part, Samples, Series, Source, shown
 from lostmotion.drivers.formats.swinging import drift_of
 from lostmotion.drivers.formats.table import Table
@@ -110,7 +110,7 @@ def _chosen(source: Source, choice: Choice) -> tuple[Source, Sequence[str]]:
     """The run that was chosen, with what follows from other series of a table, and what was left out of it.  Raises
     RecordingError."""
     if isinstance(source, Bag):
-        return of_one_test(source, choice), ()
+        return of_its_number(source, choice), ()
     if not isinstance(source, Table):
         return source, ()
     return without_still(with_angle(with_differences(of_one_run(source, choice), choice), choice), choice)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from lostmotion.drivers.formats.swinging import power
 from lostmotion.drivers.formats.table import Table
 from lostmotion.drivers.formats.words import is_run, is_time, joint_of
 
-__all__ = ["STILL", "of_one_run", "of_one_test", "runs_in"]
+__all__ = ["STILL", "of_its_number", "of_one_run", "runs_in"]
+
+Of = TypeVar("Of", Table, Bag)
 
 STILL = 0.02
 """of the motion of another run: what is left of one whose pendulum hangs still.  0.005 of a published one; 0.064 of a
@@ -26,24 +29,22 @@ def runs_in(source: Source, choice: Choice) -> int:
     """How many runs a file holds, of which none was chosen: each may be a recording of its own."""
     if choice.episode is not None:
         return 1
-    if not isinstance(source, Table):
-        return source.runs if isinstance(source, Bag) else 1
-    return 1 if _of_joint(_side_by_side(source, choice), choice) else len(_all(source, choice)) or 1
+    if isinstance(source, Bag):
+        return source.runs
+    if not isinstance(source, Table) or _of_joint(_side_by_side(source, choice), choice):
+        return 1
+    return len(_all(source, choice)) or 1
 
 
-def of_one_test(bag: Bag, choice: Choice) -> Bag:
-    """The part of the run with the number that was chosen; without one the whole.  Raises RecordingError."""
+def of_its_number(source: Of, choice: Choice) -> Of:
+    """The run with the number that was chosen; all of a file without one.  Raises RecordingError."""
     if choice.episode is None:
-        return bag
-    if not 0 <= choice.episode < bag.runs:
-        raise _beyond(bag.name, choice.episode, bag.runs if bag.open_episode else 0)
-    return bag.open_episode(choice.episode) if bag.open_episode else bag
-
-
-def _beyond(name: str, episode: int, count: int) -> RecordingError:
-    """The error for a run that a file does not have."""
-    said = f"0 to {count - 1}" if count else "0, as the file holds one run"
-    return RecordingError(f"{name}: found episode={episode}, expected {said}")
+        return source
+    runs = _all(source, choice)
+    if not 0 <= choice.episode < max(len(runs), 1):
+        said = f"0 to {len(runs) - 1}" if runs else "0, as the file holds one run"
+        raise RecordingError(f"{source.name}: found episode={choice.episode}, expected {said}")
+    return runs[choice.episode]() if runs else source
 
 
 def of_one_run(table: Table, choice: Choice) -> Table:
@@ -51,10 +52,7 @@ def of_one_run(table: Table, choice: Choice) -> Table:
     of times begins one, that of the joint that was chosen, else the longest, of equal ones the first that moves; and a
     note that says how to take another.  Raises RecordingError."""
     if choice.episode is not None:
-        runs = _all(table, choice)
-        if not 0 <= choice.episode < max(len(runs), 1):
-            raise _beyond(table.name, choice.episode, len(runs))
-        return runs[choice.episode]() if runs else table
+        return of_its_number(table, choice)
     if not (beside := _side_by_side(table, choice)):
         return table
     own = _of_joint(beside, choice)
@@ -66,13 +64,15 @@ def of_one_run(table: Table, choice: Choice) -> Table:
     return replace(table, series=chosen, notes=[*table.notes, note])
 
 
-def _all(table: Table, choice: Choice) -> list[Callable[[], Table]]:
+def _all(source: Of, choice: Choice) -> list[Callable[[], Of]]:
     """What reads each of several runs; nothing for one."""
-    if table.open_episode:
-        return [partial(table.open_episode, at) for at in range(table.runs)]
-    if beside := _side_by_side(table, choice):
-        return [partial(replace, table, series=series) for series in beside]
-    return [partial(table.of_rows, rows) for rows in table.restarts(choice)]
+    if source.open_episode:
+        return [partial(source.open_episode, at) for at in range(source.runs)]
+    if isinstance(source, Bag):
+        return []
+    if beside := _side_by_side(source, choice):
+        return [partial(replace, source, series=series) for series in beside]
+    return [partial(source.of_rows, rows) for rows in source.restarts(choice)]
 
 
 def _of_joint(runs: Sequence[list[Series]], choice: Choice) -> list[list[Series]]:

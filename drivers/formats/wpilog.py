@@ -39,6 +39,7 @@ UNITS = {
 LEAST_NS = 200_000_000
 """Duration of a test: shorter ones were interrupted."""
 FOREVER = 1 << 62
+"""[ns]: later than all times"""
 
 
 def decoder_of_entry(kind: str) -> Callable[[bytes], dict[str, float]] | None:
@@ -78,6 +79,7 @@ class WpilibLog:
     entries: dict[str, _Entry] = field(default_factory=dict)
     channels: list[Channel] = field(default_factory=list)
     kind: str = "WPILib data log"
+    clock: str = "the times of the log"
     notes: list[str] = field(default_factory=list)
     metadata: dict[str, Any] = field(default_factory=dict)
     tests: Sequence[tuple[str, int, int]] = ()
@@ -90,7 +92,7 @@ class WpilibLog:
         log = cls(str(path), path.read_bytes())
         log._read()
         log.channels = [
-            Channel(name, one.kind, ENCODING, unit_of_entry(one.metadata), len(one.times))
+            Channel(name, one.kind, ENCODING, "", len(one.times), unit_of_entry(one.metadata))
             for name, one in log.entries.items()
             if decoder_of_entry(one.kind)
         ]
