@@ -32,8 +32,8 @@ FROM_REST = 0.375
 """Share of that way that is made in half of the time: 1/4 from rest, at a constant acceleration, and 1/2 at a constant
 speed."""
 BEFORE = 0.2
-"""Duration of what is put before, as a share of the recording's: at least that near an end in which the filter has its
-transient, 2 periods of the end of a band of 13.6 periods (signals.py)."""
+"""Duration of what is put before a joint's recording, as a share of its own: at least that near an end in which the
+filter has its transient, 2 periods of the end of a band of 13.6 periods (signals.py)."""
 log = logging.getLogger(__name__)
 
 
@@ -48,7 +48,8 @@ def with_rest_before(recording: Recording, column: str) -> Recording:
     step = float(np.median(np.diff(recording.time[~np.isnan(recording.columns["position"])])))
     if not step > 0:  # most times repeat the one before
         return recording
-    count = min(int(BEFORE * recording.duration / step), recording.time.size)  # rows may come in bursts
+    # A servo's motion is compared at rest, too: more than one reading would count as measured, and lower the noise.
+    count = 1 if is_goal else min(int(BEFORE * recording.duration / step), recording.time.size)  # rows may be in bursts
     time = recording.time[0] - step * np.arange(count, 0, -1)
     columns = {name: np.concatenate([np.full(count, np.nan), values]) for name, values in recording.columns.items()}
     first = float(seen(recording.columns["position"])[0])
