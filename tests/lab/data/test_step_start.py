@@ -102,6 +102,7 @@ def test_a_servo_comes_to_a_goal_that_was_set_at_the_first_row(first: float, end
         Recording(TIME, {"position": position, "command": np.full(TIME.size, 0.6)}, name="step.csv"), "command"
     )
     assert (found.time.size > TIME.size) is is_asked
+    assert found.time.size - TIME.size == int(is_asked)  # more readings would count as measured
     if is_asked:
         check_goal(found)
         assert {*found.columns["command"].tolist()} == {0.6, first}
